@@ -1,0 +1,5 @@
+"""``python -m sixd`` is ``sixd``."""
+
+from sixd.cli.main import run
+
+run()

@@ -1,0 +1,1 @@
+"""What is derived from poses and depth: visibility, gt info, masks as RLE, COCO annotations."""

@@ -1,0 +1,106 @@
+"""Every error a user can meet: one tree, one `Problem` record, one place for shape checks."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Literal
+
+import numpy as np
+
+
+_MOST_SHOWN = 20
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: what, where, what was expected, what came, how to mend it.
+
+    The same record travels from the library to the terminal, to ``--json`` and to the server.
+    """
+
+    code: str
+    """Stable kebab-case name, for machines: ``not-a-rotation``."""
+    what: str
+    """One sentence, for people."""
+    file: str = ""
+    line: int | None = None
+    """Line of a text file, counted from 1 (a header is line 1)."""
+    field: str = ""
+    expected: str = ""
+    got: str = ""
+    fix: str = ""
+    severity: Literal["error", "warning"] = "error"
+
+    def __str__(self) -> str:
+        place = ":".join(str(p) for p in (self.file, self.line) if p not in ("", None))
+        head = " ".join(p for p in (f"{place}:" if place else "", self.field, self.what) if p)
+        pairs = (("expected", self.expected), ("got", self.got), ("fix", self.fix))
+        return head + "".join(f"\n    {name}: {text}" for name, text in pairs if text)
+
+
+class SixdError(Exception):
+    """Something the user can mend. The command line prints it without a traceback, exit code 2."""
+
+    exit_code = 2
+
+
+class UsageError(SixdError, ValueError):
+    """An argument names what does not exist, or does not go with the others."""
+
+
+class ShapeError(SixdError, ValueError):
+    """An array has the wrong shape."""
+
+
+class MissingDataError(SixdError, LookupError):
+    """A file, image, object or field that is needed is not there."""
+
+    @classmethod
+    def of(cls, problems: Sequence[Problem]) -> MissingDataError:
+        """One error that names everything that is missing."""
+        return cls(_listed(problems))
+
+
+class MissingExtraError(SixdError, ImportError):
+    """An optional package is needed and not installed."""
+
+
+class FormatError(SixdError, ValueError):
+    """Files break their format; carries all problems found, not the first. Exit code 1."""
+
+    exit_code = 1
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__(_listed(problems))
+
+
+def _listed(problems: Sequence[Problem]) -> str:
+    shown = "\n".join(map(str, problems[:_MOST_SHOWN]))
+    more = len(problems) - _MOST_SHOWN
+    return shown + (f"\n... and {more} more" if more > 0 else "")
+
+
+def check_shape(name: str, array: np.ndarray, tail: tuple[int, ...]) -> None:
+    """Raise `ShapeError` unless the last axes of ``array`` are ``tail``."""
+    got = np.shape(array)
+    if got[-len(tail) :] != tail:
+        want = ", ".join(["...", *map(str, tail)])
+        raise ShapeError(f"{name} must have shape ({want}), got {got}")
+
+
+def need(module: str, extra: str) -> ModuleType:
+    """Import an optional package, or say which extra brings it.
+
+    Raises:
+        MissingExtraError: the package is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{module} is needed for this and is not installed: pip install 'sixd[{extra}]'"
+        ) from error

@@ -1,0 +1,59 @@
+"""The score files that bop_toolkit writes, under its names, for scripts that read them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from sixd.errors import UsageError
+from sixd.evaluation.evaluation import Evaluation
+from sixd.files import write_atomically
+
+BOP_FILES = {
+    "bop19-localization": "scores_bop19.json",
+    "bop24-detection": "scores_bop24.json",
+    "bop22-detection2d": "scores_bop22_coco_bbox.json",
+    "bop22-segmentation2d": "scores_bop22_coco_segm.json",
+}
+
+
+def write_bop_files(evaluation: Evaluation, folder: str | Path) -> Path:
+    """Write ``FOLDER/<results name>/scores_*.json`` with the toolkit's keys.
+
+    Raises:
+        UsageError: the toolkit has no file for this protocol, or errors were left out.
+    """
+    protocol = evaluation.protocol.partition("@")[0]
+    if protocol not in BOP_FILES:
+        raise UsageError(
+            f"bop_toolkit writes no score file for {protocol}; it does for {', '.join(BOP_FILES)}"
+        )
+    name = Path(evaluation.provenance.results_file).name.partition(".")[0] or "results"
+    path = Path(folder) / name / BOP_FILES[protocol]
+    text = json.dumps(bop_scores(evaluation), indent=2, sort_keys=True)
+    return write_atomically(path, text.encode())
+
+
+def bop_scores(evaluation: Evaluation) -> dict[str, float]:
+    """The scores under the toolkit's keys.
+
+    Raises:
+        UsageError: errors were left out, so the file would not be the toolkit's.
+    """
+    scores, time_s = evaluation.scores, evaluation.average_time_per_image
+    protocol = evaluation.protocol.partition("@")[0]
+    try:
+        if protocol == "bop19-localization":
+            named = {f"bop19_average_recall_{e}": scores[f"AR_{e}"] for e in ("vsd", "mssd", "mspd")}
+            named |= {"bop19_average_recall": scores["AR"], "bop19_average_time_per_image": time_s}
+            return named
+        if protocol == "bop24-detection":
+            named = {f"bop24_mAP_{e}": scores[f"AP_{e}"] for e in ("mssd", "mspd", "mssd_mm")}
+            named |= {"bop24_mAP": scores["AP"], "bop24_average_time_per_image": time_s}
+            named |= {"bop25_mAP": scores["AP_mssd"], "bop25_mAP_mm": scores["AP_mssd_mm"]}
+            return named
+    except KeyError as error:
+        raise UsageError(
+            f"bop_toolkit's score file needs {error.args[0]}; score without --errors"
+        ) from error
+    return {**scores, "average_time_per_image": time_s}

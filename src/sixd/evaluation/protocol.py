@@ -1,0 +1,228 @@
+"""Evaluation protocols: frozen, named, versioned values. A number is only comparable within one."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from sixd.errors import UsageError
+
+ErrorName = Literal["vsd", "mssd", "mspd", "add", "adi", "ad"]
+Unit = Literal["diameter", "mm", "px@640", "fraction"]
+Kind = Literal["pose", "bbox", "segm"]
+Task = Literal["localization", "detection", "single-instance"]
+AverageOver = Literal["instances", "objects"]
+Statistic = Literal["recall", "average-precision", "auc", "coco"]
+
+
+def steps(first: float, last: float, step: float) -> tuple[float, ...]:
+    """``first, first + step, ..., last`` as the very doubles BOP uses (0.15000000000000002).
+
+    An error that lies exactly on a threshold is not below it, so the last bit counts.
+    """
+    return tuple(float(v) for v in np.arange(first, last + step / 2, step))
+
+
+@dataclass(frozen=True)
+class ErrorSpec:
+    """One pose error, how it is normalised, and the thresholds it is held against."""
+
+    name: ErrorName
+    unit: Unit
+    thresholds: tuple[float, ...]
+    taus: tuple[float, ...] = ()
+    """VSD only: misalignment tolerances, in diameters or in mm as ``tau_unit`` says."""
+    tau_unit: Literal["diameter", "mm"] = "diameter"
+    suffix: str = ""
+    """Distinguishes two uses of one error in one protocol (``mssd`` and ``mssd_mm``)."""
+
+    @property
+    def key(self) -> str:
+        """Name in score keys: ``mssd``, ``mssd_mm``."""
+        return self.name + self.suffix
+
+
+@dataclass(frozen=True)
+class EvalProtocol:
+    """What is estimated, which estimates and instances count, which errors, which statistic."""
+
+    name: str
+    version: int
+    """Raised whenever any number could change."""
+    title: str
+    kind: Kind
+    task: Task
+    statistic: Statistic
+    targets_file: str
+    errors: tuple[ErrorSpec, ...] = ()
+    score: str = ""
+    """Key of the headline score: the mean of the scores of ``headline``."""
+    headline: tuple[str, ...] = ()
+    average_over: AverageOver = "instances"
+    """Recall and AUC: pool all instances, or average the scores of objects. AP: always objects."""
+    visib_min: float | None = None
+    """Instances less visible are not targets; None: the targets file counts them."""
+    cap_estimates: bool = False
+    """Only the best N estimates of an image are scored; N comes from the dataset (100)."""
+    absent_objects_count: bool = False
+    """Estimates of objects that are not in the image are false positives."""
+    reach_check: bool = True
+    """Errors in mm are infinite, VSD is 1, where the two centres are a diameter apart (BOP)."""
+    modal_boxes: bool = False
+
+    @property
+    def id(self) -> str:
+        """``name@version``."""
+        return f"{self.name}@{self.version}"
+
+    @property
+    def needs_depth(self) -> bool:
+        """Whether test depth images are read."""
+        return any(e.name == "vsd" for e in self.errors)
+
+    def with_errors(self, names: tuple[str, ...]) -> EvalProtocol:
+        """The same protocol restricted to some of its errors (by name or key).
+
+        Raises:
+            UsageError: a name is not among the protocol's errors.
+        """
+        known = {e.key for e in self.errors} | {e.name for e in self.errors}
+        unknown = [n for n in names if n not in known]
+        if unknown or not names:
+            raise UsageError(
+                f"{self.name} measures {', '.join(e.key for e in self.errors) or 'no pose errors'};"
+                f" got --errors {','.join(names) or '(nothing)'}"
+            )
+        return replace(self, errors=tuple(e for e in self.errors if {e.name, e.key} & set(names)))
+
+
+_FRACTIONS = steps(0.05, 0.50, 0.05)
+_MSSD = ErrorSpec("mssd", "diameter", _FRACTIONS)
+_MSSD_MM = ErrorSpec("mssd", "mm", steps(2, 20, 2), suffix="_mm")
+_MSPD = ErrorSpec("mspd", "px@640", steps(5, 50, 5))
+_VSD = ErrorSpec("vsd", "fraction", _FRACTIONS, taus=_FRACTIONS)
+
+_BOP24_DETECTION = EvalProtocol(
+    name="bop24-detection",
+    version=1,
+    title="6D detection, BOP Challenge 2024: AP of MSSD and MSPD, as the toolkit computes it",
+    kind="pose",
+    task="detection",
+    statistic="average-precision",
+    targets_file="test_targets_bop24.json",
+    errors=(_MSSD, _MSPD, _MSSD_MM),
+    score="AP",
+    headline=("mssd", "mspd"),
+    visib_min=0.1,
+    cap_estimates=True,
+)
+_BOP22_DETECTION = EvalProtocol(
+    name="bop22-detection2d",
+    version=1,
+    title="2D detection, BOP Challenge 2022-2024: COCO AP of amodal boxes, ignore flag honoured",
+    kind="bbox",
+    task="detection",
+    statistic="coco",
+    targets_file="test_targets_bop19.json",
+    score="AP",
+    visib_min=0.1,
+)
+
+PROTOCOLS: dict[str, EvalProtocol] = {
+    p.name: p
+    for p in (
+        EvalProtocol(
+            name="bop19-localization",
+            version=1,
+            title="6D localization, BOP Challenge 2019-2024: AR of VSD, MSSD, MSPD",
+            kind="pose",
+            task="localization",
+            statistic="recall",
+            targets_file="test_targets_bop19.json",
+            errors=(_VSD, _MSSD, _MSPD),
+            score="AR",
+            headline=("vsd", "mssd", "mspd"),
+        ),
+        _BOP24_DETECTION,
+        replace(
+            _BOP24_DETECTION,
+            name="bop24-detection-strict",
+            title="6D detection as the task is stated: objects absent from an image cost precision",
+            absent_objects_count=True,
+        ),
+        replace(
+            _BOP24_DETECTION,
+            name="bop25-detection",
+            title="6D detection, BOP Challenge 2025: AP of MSSD, in diameters and in mm",
+            errors=(_MSSD, _MSSD_MM),
+            headline=("mssd",),
+        ),
+        _BOP22_DETECTION,
+        replace(
+            _BOP22_DETECTION,
+            name="bop22-segmentation2d",
+            title="2D segmentation, BOP Challenge 2022-2024: COCO AP of visible masks",
+            kind="segm",
+        ),
+        EvalProtocol(
+            name="bop18-siso",
+            version=1,
+            title="6D localization of a single instance of a single object, BOP 2018 (ECCV)",
+            kind="pose",
+            task="single-instance",
+            statistic="recall",
+            targets_file="test_targets_bop18.json",
+            errors=(ErrorSpec("vsd", "fraction", (0.3,), taus=(20.0,), tau_unit="mm"),),
+            score="AR",
+            headline=("vsd",),
+            visib_min=0.1,
+        ),
+        EvalProtocol(
+            name="linemod-add",
+            version=1,
+            title="LINEMOD's ADD(-S) below 0.1 diameters, mean over objects",
+            kind="pose",
+            task="localization",
+            statistic="recall",
+            targets_file="test_targets_bop19.json",
+            errors=(ErrorSpec("ad", "diameter", (0.1,)),),
+            score="AR",
+            headline=("ad",),
+            average_over="objects",
+        ),
+        EvalProtocol(
+            name="ycbv-auc",
+            version=1,
+            title="YCB-Video's area under the accuracy curve of ADD and ADD-S up to 100 mm",
+            kind="pose",
+            task="localization",
+            statistic="auc",
+            targets_file="test_targets_bop19.json",
+            errors=tuple(ErrorSpec(n, "mm", (100.0,)) for n in ("add", "adi", "ad")),  # type: ignore[arg-type]
+            score="AUC",
+            headline=("ad",),
+            reach_check=False,
+        ),
+    )
+}
+
+
+def get_protocol(name: str | EvalProtocol) -> EvalProtocol:
+    """The protocol of that name (``bop19-localization`` or ``bop19-localization@1``).
+
+    Raises:
+        UsageError: no such protocol; the message lists the nearest names.
+    """
+    if isinstance(name, EvalProtocol):
+        return name
+    base, _, version = name.partition("@")
+    protocol = PROTOCOLS.get(base)
+    if protocol is None:
+        near = difflib.get_close_matches(base, PROTOCOLS, n=3, cutoff=0.3) or sorted(PROTOCOLS)
+        raise UsageError(f"no protocol {name!r}; did you mean {', '.join(near)}?")
+    if version and version != str(protocol.version):
+        raise UsageError(f"this sixd has {protocol.id}, not {name}")
+    return protocol

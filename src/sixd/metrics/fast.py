@@ -1,0 +1,244 @@
+"""The errors of `sixd.metrics.reference` for many pairs of one object, compiled.
+
+The same definitions to rounding, in microseconds a pair: see `sixd.metrics.kernels` for how, and
+``benchmarks/metrics.py`` for how fast. The first call compiles; the code is kept on disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixd.errors import ShapeError, UsageError
+from sixd.geometry.camera import Camera, Fisheye624Camera, KannalaBrandtCamera, PinholeCamera
+from sixd.geometry.pose import Floats, Pose
+from sixd.metrics import kernels
+from sixd.metrics.cells import VertexCells
+
+_N_PROBES = 5
+"""Vertices looked at under every symmetry, before any symmetry is looked at wholly."""
+
+
+def mssd(est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, *, workers: int = 1) -> Floats:
+    """`reference.mssd`, mm.
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        cells: the model's vertices.
+        symmetries: batch shape ``(S,)``, identity included.
+        workers: threads.
+
+    Returns:
+        ``(N,)``; infinite for a pose that is not finite.
+    """
+    return _symmetric_max(est, gt, cells, symmetries, None, workers)
+
+
+def mspd(
+    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, K: Floats, *, workers: int = 1
+) -> Floats:
+    """`reference.mspd` for pinhole cameras, px.
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        cells: the model's vertices.
+        symmetries: batch shape ``(S,)``, identity included.
+        K: intrinsic matrices, ``(N, 3, 3)`` or one ``(3, 3)``.
+        workers: threads.
+
+    Returns:
+        ``(N,)``; infinite for a pose that is not finite or a vertex without projection.
+    """
+    K = np.broadcast_to(K, (len(est), 3, 3))
+    return _symmetric_max(est, gt, cells, symmetries, K, workers)
+
+
+def mspd_fisheye624(
+    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, params: Floats, *, workers: int = 1
+) -> Floats:
+    """`reference.mspd` for FISHEYE624 cameras, px.
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        cells: the model's vertices.
+        symmetries: batch shape ``(S,)``, identity included.
+        params: of each pair, ``(N, 16)``, or one ``(16,)``; see `Fisheye624Camera.params`.
+        workers: threads.
+
+    Returns:
+        ``(N,)``; infinite for a pose that is not finite.
+    """
+    from sixd.metrics.fisheye import mspd_fisheye_pairs
+
+    params = np.ascontiguousarray(np.broadcast_to(params, (len(est), 16)), np.float64)
+    probes = _probes(cells, symmetries)
+    points = np.concatenate([probes, cells.points_mm])
+    sym = _matrices(symmetries)
+
+    def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
+        mspd_fisheye_pairs(est, gt, sym, params[rows], points, len(probes), out)
+
+    return _run(kernel, est, gt, workers)
+
+
+def mspd_cameras(
+    est: Pose,
+    gt: Pose,
+    cells: VertexCells,
+    symmetries: Pose,
+    cameras: Sequence[Camera] | Camera,
+    *,
+    workers: int = 1,
+) -> Floats:
+    """`reference.mspd`: `mspd` or `mspd_fisheye624`, as each pair's camera asks.
+
+    Raises:
+        UsageError: a camera of another kind.
+    """
+    of_pair = [cameras] * len(est) if isinstance(cameras, Camera) else list(cameras)
+    if len(of_pair) != len(est):
+        raise ShapeError(f"cameras must be one or {len(est)}, as many as pairs, got {len(of_pair)}")
+    errors = np.zeros(len(est))
+    pinhole = np.array([isinstance(c, PinholeCamera) for c in of_pair], bool)
+    if pinhole.any():
+        K = np.array([c.K for c in of_pair if isinstance(c, PinholeCamera)])
+        errors[pinhole] = mspd(est[pinhole], gt[pinhole], cells, symmetries, K, workers=workers)
+    if not pinhole.all():
+        fish = ~pinhole
+        params = np.array([_fisheye_params(of_pair[i]) for i in np.flatnonzero(fish)])
+        errors[fish] = mspd_fisheye624(
+            est[fish], gt[fish], cells, symmetries, params, workers=workers
+        )
+    return errors
+
+
+def add(
+    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose | None = None, *, workers: int = 1
+) -> Floats:
+    """`reference.add`, mm: ``(N,)``."""
+    return _mean(est, gt, cells, symmetries, None, workers)
+
+
+def projection(
+    est: Pose,
+    gt: Pose,
+    cells: VertexCells,
+    K: Floats,
+    symmetries: Pose | None = None,
+    *,
+    workers: int = 1,
+) -> Floats:
+    """`reference.projection` for pinhole cameras, K ``(N, 3, 3)`` or ``(3, 3)``; px: ``(N,)``."""
+    K = np.broadcast_to(K, (len(est), 3, 3))
+    return _mean(est, gt, cells, symmetries, K, workers)
+
+
+def adi(est: Pose, gt: Pose, cells: VertexCells, *, workers: int = 1) -> Floats:
+    """`reference.adi`, mm: ``(N,)``."""
+    points = np.ascontiguousarray(cells.points_mm.T)
+
+    def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
+        kernels.adi_pairs(est, gt, points, cells.groups, cells.leaves_mm, out)
+
+    return _run(kernel, est, gt, workers)
+
+
+def _symmetric_max(
+    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, K: Floats | None, workers: int
+) -> Floats:
+    sym = _matrices(symmetries)
+    probes = _probes(cells, symmetries)
+    moved = np.ascontiguousarray(symmetries.apply(probes).transpose(1, 2, 0))
+    tree = cells.groups, cells.leaves_mm
+
+    def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
+        if K is not None:
+            est, gt = K[rows] @ est, K[rows] @ gt
+        kernels.symmetric_max_pairs(est, gt, sym, probes, moved, *tree, K is not None, out)
+
+    return _run(kernel, est, gt, workers)
+
+
+def _mean(
+    est: Pose,
+    gt: Pose,
+    cells: VertexCells,
+    symmetries: Pose | None,
+    K: Floats | None,
+    workers: int,
+) -> Floats:
+    sym = _matrices(Pose.identity(1) if symmetries is None else symmetries)
+    points = np.ascontiguousarray(cells.points_mm.T)
+
+    def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
+        if K is not None:
+            est, gt = K[rows] @ est, K[rows] @ gt
+        kernels.mean_pairs(est, gt, sym, points, K is not None, out)
+
+    return _run(kernel, est, gt, workers)
+
+
+_Kernel = Callable[[Floats, Floats, NDArray[np.intp], Floats], None]
+
+
+def _run(kernel: _Kernel, est: Pose, gt: Pose, workers: int) -> Floats:
+    """The kernel on finite pairs, in chunks; it gets their matrices and rows."""
+    if len(est.batch_shape) != 1 or est.batch_shape != gt.batch_shape:
+        raise ShapeError(
+            f"est and gt must have one batch shape (N,), got {est.batch_shape} and {gt.batch_shape}"
+        )
+    est_rows, gt_rows = _matrices(est), _matrices(gt)
+    finite = np.isfinite(est_rows).all(axis=(1, 2)) & np.isfinite(gt_rows).all(axis=(1, 2))
+    errors = np.full(len(est), np.inf)
+
+    def work(rows: NDArray[np.intp]) -> None:
+        out = np.zeros(len(rows))
+        kernel(est_rows[rows], gt_rows[rows], rows, out)
+        errors[rows] = out
+
+    rows = np.flatnonzero(finite)
+    if workers <= 1 or len(rows) < 2 * workers:
+        work(rows)
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(work, np.array_split(rows, 4 * workers)))
+    return errors
+
+
+def _matrices(poses: Pose) -> Floats:
+    """``(N, 3, 4)`` float64, C-contiguous."""
+    stacked = np.concatenate([poses.R, poses.t_mm[..., None]], axis=-1)
+    return np.ascontiguousarray(stacked, np.float64)
+
+
+def _probes(cells: VertexCells, symmetries: Pose) -> Floats:
+    """Vertices ``(P, 3)`` that the symmetries move far, far from each other; P = 0 for one."""
+    if len(symmetries.batch_shape) != 1 or not len(symmetries):
+        got = symmetries.batch_shape
+        raise ShapeError(f"symmetries must have batch shape (S,), S > 0, got {got}")
+    candidates = cells.points_mm[:: max(1, len(cells.points_mm) // 512)]
+    if len(symmetries) == 1:
+        return candidates[:0]
+    some = symmetries[:: max(1, len(symmetries) // 16)]
+    way = np.linalg.norm(some.apply(candidates) - candidates, axis=-1).max(axis=0)
+    chosen = [int(way.argmax())]
+    apart = np.full(len(candidates), np.inf)
+    for _ in range(_N_PROBES - 1):
+        gaps = np.linalg.norm(candidates - candidates[chosen[-1]], axis=1)
+        apart = np.minimum(apart, gaps)
+        chosen.append(int((apart * (way + 1e-9)).argmax()))
+    return np.ascontiguousarray(candidates[chosen])
+
+
+def _fisheye_params(camera: Camera) -> Floats:
+    if isinstance(camera, KannalaBrandtCamera):
+        camera = camera.as_fisheye624()
+    if not isinstance(camera, Fisheye624Camera):
+        raise UsageError(f"no compiled projection for {type(camera).__name__}: use the reference")
+    return camera.params

@@ -1,0 +1,423 @@
+"""Compiled loops over pairs of poses. Call them through `sixd.metrics.fast`: importing costs.
+
+Poses are ``(3, 4)`` matrices [R | t], or K [R | t] where errors are in pixels. The largest error
+over the vertices is searched in the tree of `VertexCells`, branch and bound: a cell whose upper
+bound is below the largest error seen is left out. The smallest over the symmetries likewise: one
+that exceeds the best at any vertex is left out. The result is the exact maximum and minimum of the
+rounded errors.
+"""
+
+# mypy: allow-untyped-defs
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+_compiled = njit(nogil=True, cache=True, error_model="numpy")
+
+_UP = 1 + 1e-9
+"""Bounds are widened by this, so that rounding never prunes the largest vertex."""
+
+
+@_compiled
+def _defect(P):
+    """Frobenius norm of R^T R - 1: zero for a rotation, and a bound on its distance from one."""
+    total = 0.0
+    for i in range(3):
+        for j in range(3):
+            gram = P[0, i] * P[0, j] + P[1, i] * P[1, j] + P[2, i] * P[2, j]
+            gap = gram - (1.0 if i == j else 0.0)
+            total += gap * gap
+    return math.sqrt(total)
+
+
+@_compiled
+def _norm2(E, G, defect):
+    """A bound on the squared norm of the difference of two matrices, ``defect`` from rotations."""
+    total = 0.0
+    for r in range(3):
+        for c in range(3):
+            total += (E[r, c] - G[r, c]) * (E[r, c] - G[r, c])
+    if defect > 0.01:
+        return total
+    # A difference of two rotations has two equal singular values and a zero.
+    norm = math.sqrt(0.5 * total) + 3.0 * defect
+    return min(total, norm * norm)
+
+
+@_compiled
+def _compose(P, Q, out):
+    """Write P Q to out, for (3, 4) matrices, Q rigid."""
+    for r in range(3):
+        for c in range(4):
+            out[r, c] = P[r, 0] * Q[0, c] + P[r, 1] * Q[1, c] + P[r, 2] * Q[2, c]
+        out[r, 3] += P[r, 3]
+
+
+@_compiled
+def _gap2(E, G, x, y, z, in_pixels):
+    """Squared distance of one vertex under two poses; infinite if it has no projection."""
+    ex = E[0, 0] * x + E[0, 1] * y + E[0, 2] * z + E[0, 3]
+    ey = E[1, 0] * x + E[1, 1] * y + E[1, 2] * z + E[1, 3]
+    ez = E[2, 0] * x + E[2, 1] * y + E[2, 2] * z + E[2, 3]
+    gx = G[0, 0] * x + G[0, 1] * y + G[0, 2] * z + G[0, 3]
+    gy = G[1, 0] * x + G[1, 1] * y + G[1, 2] * z + G[1, 3]
+    gz = G[2, 0] * x + G[2, 1] * y + G[2, 2] * z + G[2, 3]
+    if not in_pixels:
+        dx, dy, dz = ex - gx, ey - gy, ez - gz
+        gap2 = dx * dx + dy * dy + dz * dz
+    else:
+        dx, dy = ex / ez - gx / gz, ey / ez - gy / gz
+        gap2 = dx * dx + dy * dy
+    return gap2 if gap2 >= 0.0 else np.inf
+
+
+@_compiled
+def _probe(E, G, probe, moved, in_pixels, bounds2):
+    """Raise each symmetry's lower bound to the squared error of one vertex.
+
+    moved ``(3, S)``: the vertex under every symmetry.
+    """
+    x, y, z = probe[0], probe[1], probe[2]
+    ex = E[0, 0] * x + E[0, 1] * y + E[0, 2] * z + E[0, 3]
+    ey = E[1, 0] * x + E[1, 1] * y + E[1, 2] * z + E[1, 3]
+    ez = E[2, 0] * x + E[2, 1] * y + E[2, 2] * z + E[2, 3]
+    g00, g01, g02, g03 = G[0, 0], G[0, 1], G[0, 2], G[0, 3]
+    g10, g11, g12, g13 = G[1, 0], G[1, 1], G[1, 2], G[1, 3]
+    g20, g21, g22, g23 = G[2, 0], G[2, 1], G[2, 2], G[2, 3]
+    xs, ys, zs = moved[0], moved[1], moved[2]
+    if in_pixels:
+        u, v = ex / ez, ey / ez
+        for s in range(len(bounds2)):
+            inverse = 1.0 / (g20 * xs[s] + g21 * ys[s] + g22 * zs[s] + g23)
+            dx = u - (g00 * xs[s] + g01 * ys[s] + g02 * zs[s] + g03) * inverse
+            dy = v - (g10 * xs[s] + g11 * ys[s] + g12 * zs[s] + g13) * inverse
+            # A comparison with NaN is false: the bound stays.
+            d2 = (dx * dx + dy * dy) * (2.0 - _UP)
+            bounds2[s] = d2 if d2 > bounds2[s] else bounds2[s]
+    else:
+        for s in range(len(bounds2)):
+            dx = ex - (g00 * xs[s] + g01 * ys[s] + g02 * zs[s] + g03)
+            dy = ey - (g10 * xs[s] + g11 * ys[s] + g12 * zs[s] + g13)
+            dz = ez - (g20 * xs[s] + g21 * ys[s] + g22 * zs[s] + g23)
+            d2 = (dx * dx + dy * dy + dz * dz) * (2.0 - _UP)
+            bounds2[s] = d2 if d2 > bounds2[s] else bounds2[s]
+
+
+@_compiled
+def _cell_bounds_mm(E, G, norm2, group, distance2, bound2):
+    """Squared error at the centre of 8 cells, and the most it can be within each."""
+    a00, a01, a02, b0 = E[0, 0] - G[0, 0], E[0, 1] - G[0, 1], E[0, 2] - G[0, 2], E[0, 3] - G[0, 3]
+    a10, a11, a12, b1 = E[1, 0] - G[1, 0], E[1, 1] - G[1, 1], E[1, 2] - G[1, 2], E[1, 3] - G[1, 3]
+    a20, a21, a22, b2 = E[2, 0] - G[2, 0], E[2, 1] - G[2, 1], E[2, 2] - G[2, 2], E[2, 3] - G[2, 3]
+    xs, ys, zs, radius = group[0], group[1], group[2], group[3]
+    nx, ny, nz, thickness = group[4], group[5], group[6], group[7]
+    for k in range(len(xs)):  # eight; a constant would keep LLVM from vectorising
+        dx = a00 * xs[k] + a01 * ys[k] + a02 * zs[k] + b0
+        dy = a10 * xs[k] + a11 * ys[k] + a12 * zs[k] + b1
+        dz = a20 * xs[k] + a21 * ys[k] + a22 * zs[k] + b2
+        d2 = dx * dx + dy * dy + dz * dz
+        # Half the gradient of d2, along the disc's normal and across it.
+        gx = a00 * dx + a10 * dy + a20 * dz
+        gy = a01 * dx + a11 * dy + a21 * dz
+        gz = a02 * dx + a12 * dy + a22 * dz
+        normal = gx * nx[k] + gy * ny[k] + gz * nz[k]
+        tangent = math.sqrt(abs(gx * gx + gy * gy + gz * gz - normal * normal))
+        rise = 2.0 * (tangent * radius[k] + abs(normal) * thickness[k])
+        distance2[k] = d2
+        bound2[k] = (d2 + rise + norm2 * radius[k] * radius[k]) * _UP
+
+
+@_compiled
+def _cell_bounds_px(E, G, group, distance2, bound2):
+    """As `_cell_bounds_mm` for projections, whose first-order change is M = d(u, v) / d vertex.
+
+    With h the depth and p = third row, u(c + d) - u(c) = M d / (1 + p d / h), exactly. So the
+    difference of two projections changes by (M_e - M_g) d and a rest of at most
+    |M| r q / (1 - q), q = |p| r / |h|, of each. A cell that reaches the camera's plane (q >= 1)
+    has no bound.
+    """
+    e00, e01, e02, e03 = E[0, 0], E[0, 1], E[0, 2], E[0, 3]
+    e10, e11, e12, e13 = E[1, 0], E[1, 1], E[1, 2], E[1, 3]
+    e20, e21, e22, e23 = E[2, 0], E[2, 1], E[2, 2], E[2, 3]
+    g00, g01, g02, g03 = G[0, 0], G[0, 1], G[0, 2], G[0, 3]
+    g10, g11, g12, g13 = G[1, 0], G[1, 1], G[1, 2], G[1, 3]
+    g20, g21, g22, g23 = G[2, 0], G[2, 1], G[2, 2], G[2, 3]
+    reach_e = math.sqrt(e20 * e20 + e21 * e21 + e22 * e22)
+    reach_g = math.sqrt(g20 * g20 + g21 * g21 + g22 * g22)
+    xs, ys, zs, radius = group[0], group[1], group[2], group[3]
+    nx, ny, nz, thickness = group[4], group[5], group[6], group[7]
+    for k in range(len(xs)):  # eight; a constant would keep LLVM from vectorising
+        x, y, z, r = xs[k], ys[k], zs[k], radius[k]
+        he = 1.0 / (e20 * x + e21 * y + e22 * z + e23)
+        hg = 1.0 / (g20 * x + g21 * y + g22 * z + g23)
+        ue = (e00 * x + e01 * y + e02 * z + e03) * he
+        ve = (e10 * x + e11 * y + e12 * z + e13) * he
+        ug = (g00 * x + g01 * y + g02 * z + g03) * hg
+        vg = (g10 * x + g11 * y + g12 * z + g13) * hg
+        du, dv = ue - ug, ve - vg
+        m0, n0 = (e00 - ue * e20) * he, (g00 - ug * g20) * hg
+        m1, n1 = (e01 - ue * e21) * he, (g01 - ug * g21) * hg
+        m2, n2 = (e02 - ue * e22) * he, (g02 - ug * g22) * hg
+        m3, n3 = (e10 - ve * e20) * he, (g10 - vg * g20) * hg
+        m4, n4 = (e11 - ve * e21) * he, (g11 - vg * g21) * hg
+        m5, n5 = (e12 - ve * e22) * he, (g12 - vg * g22) * hg
+        size_e = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2 + m3 * m3 + m4 * m4 + m5 * m5)
+        size_g = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2 + n3 * n3 + n4 * n4 + n5 * n5)
+        m0, m1, m2, m3, m4, m5 = m0 - n0, m1 - n1, m2 - n2, m3 - n3, m4 - n4, m5 - n5
+        norm2 = m0 * m0 + m1 * m1 + m2 * m2 + m3 * m3 + m4 * m4 + m5 * m5
+        gx, gy, gz = m0 * du + m3 * dv, m1 * du + m4 * dv, m2 * du + m5 * dv
+        normal = gx * nx[k] + gy * ny[k] + gz * nz[k]
+        tangent = math.sqrt(abs(gx * gx + gy * gy + gz * gz - normal * normal))
+        d2 = du * du + dv * dv
+        rise = 2.0 * (tangent * r + abs(normal) * thickness[k])
+        qe, qg = reach_e * r * abs(he), reach_g * r * abs(hg)
+        rest = r * (size_e * qe / (1.0 - qe) + size_g * qg / (1.0 - qg))
+        most = math.sqrt(d2 + rise + norm2 * r * r) + rest
+        distance2[k] = d2
+        bound2[k] = most * most * _UP if qe < 1.0 and qg < 1.0 else np.inf
+
+
+@_compiled
+def _leaf_gaps(E, G, leaf, in_pixels, distance2):
+    """Squared errors of all vertices of a leaf."""
+    e00, e01, e02, e03 = E[0, 0], E[0, 1], E[0, 2], E[0, 3]
+    e10, e11, e12, e13 = E[1, 0], E[1, 1], E[1, 2], E[1, 3]
+    e20, e21, e22, e23 = E[2, 0], E[2, 1], E[2, 2], E[2, 3]
+    g00, g01, g02, g03 = G[0, 0], G[0, 1], G[0, 2], G[0, 3]
+    g10, g11, g12, g13 = G[1, 0], G[1, 1], G[1, 2], G[1, 3]
+    g20, g21, g22, g23 = G[2, 0], G[2, 1], G[2, 2], G[2, 3]
+    xs, ys, zs = leaf[0], leaf[1], leaf[2]
+    if in_pixels:
+        for k in range(len(xs)):
+            ez = e20 * xs[k] + e21 * ys[k] + e22 * zs[k] + e23
+            gz = g20 * xs[k] + g21 * ys[k] + g22 * zs[k] + g23
+            inverse = 1.0 / (ez * gz)
+            ex = e00 * xs[k] + e01 * ys[k] + e02 * zs[k] + e03
+            gx = g00 * xs[k] + g01 * ys[k] + g02 * zs[k] + g03
+            dx = (ex * gz - gx * ez) * inverse
+            ey = e10 * xs[k] + e11 * ys[k] + e12 * zs[k] + e13
+            gy = g10 * xs[k] + g11 * ys[k] + g12 * zs[k] + g13
+            dy = (ey * gz - gy * ez) * inverse
+            distance2[k] = dx * dx + dy * dy
+    else:
+        a00, a01, a02, b0 = e00 - g00, e01 - g01, e02 - g02, e03 - g03
+        a10, a11, a12, b1 = e10 - g10, e11 - g11, e12 - g12, e13 - g13
+        a20, a21, a22, b2 = e20 - g20, e21 - g21, e22 - g22, e23 - g23
+        for k in range(len(xs)):
+            dx = a00 * xs[k] + a01 * ys[k] + a02 * zs[k] + b0
+            dy = a10 * xs[k] + a11 * ys[k] + a12 * zs[k] + b1
+            dz = a20 * xs[k] + a21 * ys[k] + a22 * zs[k] + b2
+            distance2[k] = dx * dx + dy * dy + dz * dz
+
+
+@_compiled
+def _push(node, bound2, best2, stack, stack2, top):
+    """Put the children that can hold more than ``best2`` on the stack; returns its height."""
+    # The highest bound goes on top: visited first, it raises the bar for the others.
+    first, highest = -1, best2
+    for k in range(8):
+        if bound2[k] > highest:
+            first, highest = k, bound2[k]
+    for k in range(8):
+        if bound2[k] > best2 and k != first:
+            stack[top], stack2[top] = 8 * node + 1 + k, bound2[k]
+            top += 1
+    if first >= 0:
+        stack[top], stack2[top] = 8 * node + 1 + first, highest
+        top += 1
+    return top
+
+
+@_compiled
+def _largest_gap2(E, G, norm2, in_pixels, groups, leaves, stop2, rows, stack, witness):
+    """Largest squared error over all vertices; stops early once it is at least ``stop2``.
+
+    witness ``(3,)``: a vertex to begin with; the one found is left there.
+    """
+    best2 = _gap2(E, G, witness[0], witness[1], witness[2], in_pixels)
+    n_groups = len(groups)
+    distance2, bound2, stack2 = rows[0], rows[1], rows[2]
+    top = 1
+    stack[0], stack2[0] = 0, np.inf
+    while top > 0 and best2 < stop2:
+        top -= 1
+        if stack2[top] <= best2:
+            continue
+        node = stack[top]
+        if node < n_groups:
+            cells, count = groups[node], 8
+            if in_pixels:
+                _cell_bounds_px(E, G, cells, distance2, bound2)
+            else:
+                _cell_bounds_mm(E, G, norm2, cells, distance2, bound2)
+        else:
+            cells, count = leaves[node - n_groups], leaves.shape[2]
+            _leaf_gaps(E, G, cells, in_pixels, distance2)
+        at = -1
+        for k in range(count):
+            if distance2[k] > best2:
+                best2, at = distance2[k], k
+            elif distance2[k] != distance2[k]:  # NaN
+                best2, at = np.inf, k
+        if at >= 0:
+            witness[0], witness[1], witness[2] = cells[0, at], cells[1, at], cells[2, at]
+        if node < n_groups:
+            top = _push(node, bound2, best2, stack, stack2, top)
+    return best2
+
+
+@_compiled
+def symmetric_max_pairs(est, gt, sym, probes, moved, groups, leaves, in_pixels, out):
+    """MSSD or MSPD of each pair: min over symmetries of max over vertices.
+
+    est, gt ``(N, 3, 4)``; sym ``(S, 3, 4)``; probes ``(P, 3)`` are vertices, moved ``(P, 3, S)``
+    the same under every symmetry; groups and leaves of `VertexCells`; out ``(N,)``.
+    """
+    n_sym = len(sym)
+    G = np.zeros((3, 4))
+    bounds2 = np.zeros(n_sym)
+    rows = np.zeros((3, max(128, leaves.shape[2])))
+    stack = np.zeros(128, np.int64)
+    witness = np.zeros(3)
+    for r in range(3):
+        witness[r] = leaves[0, r, 0]
+    defect_sym = 0.0
+    for s in range(n_sym):
+        defect_sym = max(defect_sym, _defect(sym[s]))
+    for i in range(len(out)):
+        E = est[i]
+        for s in range(n_sym):
+            bounds2[s] = 0.0
+        for p in range(len(probes)):
+            _probe(E, gt[i], probes[p], moved[p], in_pixels, bounds2)
+        start = 0
+        for s in range(n_sym):
+            if bounds2[s] < bounds2[start]:
+                start = s
+        defect = 0.0 if in_pixels else _defect(E) + _defect(gt[i]) + defect_sym
+        best2 = np.inf
+        for k in range(n_sym):
+            s = start if k == 0 else (k - 1 if k <= start else k)
+            if bounds2[s] >= best2:
+                continue
+            _compose(gt[i], sym[s], G)
+            # The vertex that decided last time often decides again.
+            if _gap2(E, G, witness[0], witness[1], witness[2], in_pixels) >= best2:
+                continue
+            norm2 = 0.0 if in_pixels else _norm2(E, G, defect)
+            found2 = _largest_gap2(
+                E, G, norm2, in_pixels, groups, leaves, best2, rows, stack, witness
+            )
+            best2 = min(best2, found2)
+        out[i] = math.sqrt(best2)
+
+
+@_compiled
+def mean_pairs(est, gt, sym, points, in_pixels, out):
+    """ADD or the projection error of each pair: min over symmetries of the mean over vertices.
+
+    est, gt ``(N, 3, 4)``; sym ``(S, 3, 4)``; points ``(3, V)``; out ``(N,)``.
+    """
+    G = np.zeros((3, 4))
+    distance2 = np.zeros(points.shape[1])
+    for i in range(len(out)):
+        out[i] = np.inf
+        for s in range(len(sym)):
+            _compose(gt[i], sym[s], G)
+            _leaf_gaps(est[i], G, points, in_pixels, distance2)
+            total = 0.0
+            for k in range(len(distance2)):
+                total += math.sqrt(distance2[k])
+            if total / len(distance2) < out[i]:  # false for NaN: the error stays infinite
+                out[i] = total / len(distance2)
+
+
+@_compiled
+def _pose_rows(P, rows, out):
+    """Write the ``(3, M)`` columns of rows to out, posed."""
+    p00, p01, p02, p03 = P[0, 0], P[0, 1], P[0, 2], P[0, 3]
+    p10, p11, p12, p13 = P[1, 0], P[1, 1], P[1, 2], P[1, 3]
+    p20, p21, p22, p23 = P[2, 0], P[2, 1], P[2, 2], P[2, 3]
+    xs, ys, zs = rows[0], rows[1], rows[2]
+    for k in range(len(xs)):
+        out[0, k] = p00 * xs[k] + p01 * ys[k] + p02 * zs[k] + p03
+        out[1, k] = p10 * xs[k] + p11 * ys[k] + p12 * zs[k] + p13
+        out[2, k] = p20 * xs[k] + p21 * ys[k] + p22 * zs[k] + p23
+
+
+@_compiled
+def _nearest_gap2(x, y, z, groups, reach, leaves, rows, stack, near):
+    """Squared distance to the nearest posed vertex; ``near`` begins and ends with that vertex.
+
+    groups, leaves: those of `VertexCells`, posed; ``reach``: how much the pose may stretch radii.
+    """
+    dx, dy, dz = x - near[0], y - near[1], z - near[2]
+    best2 = dx * dx + dy * dy + dz * dz
+    distance2, bound2, stack2 = rows[0], rows[1], rows[2]
+    n_groups = len(groups)
+    top = 1
+    stack[0], stack2[0] = 0, 0.0
+    while top > 0:
+        top -= 1
+        if stack2[top] >= best2:
+            continue
+        node = stack[top]
+        cells = groups[node] if node < n_groups else leaves[node - n_groups]
+        xs, ys, zs = cells[0], cells[1], cells[2]
+        for k in range(len(xs)):
+            dx, dy, dz = x - xs[k], y - ys[k], z - zs[k]
+            distance2[k] = dx * dx + dy * dy + dz * dz
+        at = -1
+        for k in range(len(xs)):
+            if distance2[k] < best2:
+                best2, at = distance2[k], k
+        if at >= 0:
+            near[0], near[1], near[2] = xs[at], ys[at], zs[at]
+        if node < n_groups:
+            first = 0
+            for k in range(8):
+                gap = math.sqrt(distance2[k]) - cells[3, k] * reach
+                bound2[k] = gap * gap * (2.0 - _UP) if gap > 0.0 else 0.0
+                if distance2[k] < distance2[first]:
+                    first = k
+            # The cell with the nearest centre goes on top: it lowers the bar for the others.
+            for j in range(8):
+                k = first if j == 7 else (j + 1 if j >= first else j)
+                if bound2[k] < best2:
+                    stack[top], stack2[top] = 8 * node + 1 + k, bound2[k]
+                    top += 1
+    return best2
+
+
+@_compiled
+def adi_pairs(est, gt, points, groups, leaves, out):
+    """ADI of each pair: mean over vertices posed by gt of the way to the nearest posed by est.
+
+    est, gt ``(N, 3, 4)``; points ``(3, V)``; groups and leaves of `VertexCells`; out ``(N,)``.
+    """
+    posed_groups, posed_leaves = groups.copy(), leaves.copy()
+    queries = points.copy()
+    rows = np.zeros((3, max(128, leaves.shape[2])))
+    stack = np.zeros(128, np.int64)
+    near = np.zeros(3)
+    for i in range(len(out)):
+        for g in range(len(groups)):
+            _pose_rows(est[i], groups[g], posed_groups[g])
+        for g in range(len(leaves)):
+            _pose_rows(est[i], leaves[g], posed_leaves[g])
+        _pose_rows(gt[i], points, queries)
+        reach = math.sqrt(1.0 + _defect(est[i]))
+        for r in range(3):
+            near[r] = posed_leaves[0, r, 0]
+        total = 0.0
+        for k in range(queries.shape[1]):
+            total += math.sqrt(
+                _nearest_gap2(
+                    queries[0, k], queries[1, k], queries[2, k],
+                    posed_groups, reach, posed_leaves, rows, stack, near,
+                )
+            )  # fmt: skip
+        out[i] = total / queries.shape[1]

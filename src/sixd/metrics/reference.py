@@ -1,0 +1,206 @@
+"""Pose errors as the papers define them, in plain NumPy: the definition every backend is held to.
+
+Poses map model to camera (``pose_c_m``), batch shape ``(N,)``: row i of ``est`` is compared with
+row i of ``gt``. Errors come back as ``(N,)``. Thresholds and normalisation belong to a protocol.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixd.errors import ShapeError, check_shape
+from sixd.geometry.camera import Camera
+from sixd.geometry.pose import Floats, Pose
+
+
+def mssd(est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose) -> Floats:
+    """Maximum Symmetry-aware Surface Distance (Hodan et al., BOP Challenge 2020, section 2.2).
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        points_mm: model vertices, ``(V, 3)``.
+        symmetries: model symmetries, batch shape ``(S,)``, identity included.
+
+    Returns:
+        ``(N,)`` mm.
+    """
+    errors = np.zeros(_pair_count(est, gt))
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
+        errors[i] = np.linalg.norm(est_mm - gt_mm, axis=-1).max(axis=-1).min()
+    return errors
+
+
+def mspd(
+    est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose, cameras: Sequence[Camera] | Camera
+) -> Floats:
+    """Maximum Symmetry-aware Projection Distance (Hodan et al., BOP Challenge 2020, section 2.2).
+
+    Points behind the camera are projected like others (BOP rules). Where a projection is not a
+    number (z = 0), the distance counts as infinite, so that no estimate gains by it.
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        points_mm: model vertices, ``(V, 3)``.
+        symmetries: model symmetries, batch shape ``(S,)``, identity included.
+        cameras: one for all pairs, or N.
+
+    Returns:
+        ``(N,)`` px of the image as it is; the factor 640 / width is the caller's.
+    """
+    of_pair = _per_pair(cameras, _pair_count(est, gt))
+    errors = np.zeros(len(of_pair))
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
+        errors[i] = _pixel_distances(of_pair[i], est_mm, gt_mm).max(axis=-1).min()
+    return errors
+
+
+def add(est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose | None = None) -> Floats:
+    """Average Distance of Distinguishable model points (Hinterstoisser et al., ACCV 2012).
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        points_mm: model vertices, ``(V, 3)``.
+        symmetries: batch shape ``(S,)``; the smallest average over them. None, as in the paper:
+            the identity alone.
+
+    Returns:
+        ``(N,)`` mm.
+    """
+    errors = np.zeros(_pair_count(est, gt))
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
+        errors[i] = np.linalg.norm(est_mm - gt_mm, axis=-1).mean(axis=-1).min()
+    return errors
+
+
+def adi(est: Pose, gt: Pose, points_mm: Floats) -> Floats:
+    """Average Distance of Indistinguishable model points (Hinterstoisser et al., ACCV 2012).
+
+    For each vertex posed by ``gt``, the distance to the nearest vertex posed by ``est``; their
+    mean. Known as ADD-S or ADI.
+
+    Returns:
+        ``(N,)`` mm.
+    """
+    errors = np.zeros(_pair_count(est, gt))
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, None):
+        total = 0.0
+        rows = max(1, 2_000_000 // len(points_mm))
+        for start in range(0, len(points_mm), rows):
+            gaps = gt_mm[0, start : start + rows, None] - est_mm[None]
+            total += float(np.linalg.norm(gaps, axis=-1).min(axis=1).sum())
+        errors[i] = total / len(points_mm)
+    return errors
+
+
+def projection(
+    est: Pose,
+    gt: Pose,
+    points_mm: Floats,
+    cameras: Sequence[Camera] | Camera,
+    symmetries: Pose | None = None,
+) -> Floats:
+    """Average distance of projected vertices (Brachmann et al., CVPR 2016).
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        points_mm: model vertices, ``(V, 3)``.
+        cameras: one for all pairs, or N.
+        symmetries: batch shape ``(S,)``; the smallest average over them. None: identity alone.
+
+    Returns:
+        ``(N,)`` px; infinite where a vertex has no projection.
+    """
+    of_pair = _per_pair(cameras, _pair_count(est, gt))
+    errors = np.zeros(len(of_pair))
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
+        errors[i] = _pixel_distances(of_pair[i], est_mm, gt_mm).mean(axis=-1).min()
+    return errors
+
+
+def rotation_error_deg(est: Pose, gt: Pose, symmetries: Pose | None = None) -> Floats:
+    """Angle of the rotation between the poses (Hodan et al., ECCV Workshops 2016, eq. 5).
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        symmetries: batch shape ``(S,)``; the smallest angle over them. None: identity alone.
+
+    Returns:
+        ``(N,)`` degrees, 0 to 180.
+    """
+    _pair_count(est, gt)
+    R_gt = gt.R[:, None] if symmetries is None else gt.R[:, None] @ symmetries.R
+    # trace(R_est R_gt^-1), with the true inverse as the BOP rules have it.
+    trace = np.einsum("nij,nsji->ns", est.R, np.linalg.inv(R_gt))
+    angles: Floats = np.degrees(np.arccos(np.clip((trace - 1) / 2, -1, 1))).min(axis=1)
+    return angles
+
+
+def translation_error_mm(est: Pose, gt: Pose, symmetries: Pose | None = None) -> Floats:
+    """Distance of the model origins (Hodan et al., ECCV Workshops 2016, eq. 6).
+
+    Args:
+        est: model-to-camera poses, batch shape ``(N,)``.
+        gt: as ``est``; row i is compared with row i.
+        symmetries: batch shape ``(S,)``; the smallest distance over them. None: identity alone.
+
+    Returns:
+        ``(N,)`` mm.
+    """
+    _pair_count(est, gt)
+    moved = gt[:, None] @ (Pose.identity(1) if symmetries is None else symmetries)[None]
+    distances: Floats = np.linalg.norm(est.t_mm[:, None] - moved.t_mm, axis=-1).min(axis=1)
+    return distances
+
+
+def centres_too_far(est: Pose, gt: Pose, diameter_mm: float | Floats) -> NDArray[np.bool_]:
+    """Whether the origins are a diameter apart or more: ``(N,)``.
+
+    Where they are, the BOP protocols set MSSD, ADD and ADI to infinity without computing them, no
+    symmetry considered (BOP rules, section 5). Not part of the errors' definition.
+    """
+    too_far: NDArray[np.bool_] = translation_error_mm(est, gt) >= diameter_mm
+    return too_far
+
+
+def _pair_count(est: Pose, gt: Pose) -> int:
+    if len(est.batch_shape) != 1 or est.batch_shape != gt.batch_shape:
+        raise ShapeError(
+            f"est and gt must have one batch shape (N,), got {est.batch_shape} and {gt.batch_shape}"
+        )
+    return len(est)
+
+
+def _posed(
+    est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose | None
+) -> Iterator[tuple[int, Floats, Floats]]:
+    """Pair by pair: vertices under the estimate ``(V, 3)``, under every truth ``(S, V, 3)``."""
+    check_shape("points_mm", points_mm, (3,))
+    if points_mm.ndim != 2 or not len(points_mm):
+        raise ShapeError(f"points_mm must have shape (V, 3) with V > 0, got {points_mm.shape}")
+    group = Pose.identity(1) if symmetries is None else symmetries
+    if len(group.batch_shape) != 1 or not len(group):
+        raise ShapeError(f"symmetries must have batch shape (S,), S > 0, got {group.batch_shape}")
+    for i in range(len(est)):
+        yield i, est[i].apply(points_mm), (gt[i] @ group).apply(points_mm)
+
+
+def _per_pair(cameras: Sequence[Camera] | Camera, count: int) -> Sequence[Camera]:
+    if isinstance(cameras, Camera):
+        return [cameras] * count
+    if len(cameras) != count:
+        raise ShapeError(f"cameras must be one or {count}, as many as pairs, got {len(cameras)}")
+    return cameras
+
+
+def _pixel_distances(camera: Camera, est_mm: Floats, gt_mm: Floats) -> Floats:
+    with np.errstate(invalid="ignore"):  # inf - inf, for points in the camera's plane
+        distances = np.linalg.norm(camera.project(est_mm) - camera.project(gt_mm), axis=-1)
+    return np.where(np.isnan(distances), np.inf, distances)

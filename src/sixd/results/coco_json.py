@@ -1,0 +1,167 @@
+"""2D detections and segmentations as COCO's results JSON, read and written bit for bit.
+
+The file is one list of ``{"scene_id", "image_id", "category_id", "score", "bbox", "segmentation",
+"time"}``; a detection has ``bbox`` (left, top, width, height), a segmentation has a run-length
+coded mask, ``time`` may be left out.
+
+A typed decoder reads what is plain. What it refuses goes entry by entry through
+`sixd.results.coco_entries`, which defines the format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from sixd.errors import FormatError, Problem, UsageError
+from sixd.results.atomic import write_results_text
+from sixd.results.coco_entries import Entry, read_entries_slowly
+from sixd.results.findings import Findings
+from sixd.results.limits import Limits
+from sixd.results.pose_csv import too_many_rows
+from sixd.results.pose_csv_rows import bad_encoding
+from sixd.results.source import ResultsText, open_results_text
+from sixd.results.tables import Detections, times_of_file
+
+_ENTRIES = msgspec.json.Decoder(list[Entry])
+_RAW_ENTRIES = msgspec.json.Decoder(list[msgspec.Raw])
+_NO_BBOX = (np.nan,) * 4
+
+
+def read_coco_json(path: str | Path, *, limits: Limits | None = None) -> Detections:
+    """Read a COCO results JSON, plain or gzipped, whatever its name.
+
+    Raises:
+        FormatError: carries every unreadable field, with what was expected and what came.
+        MissingDataError: there is no such file.
+    """
+    limits = limits or Limits()
+    found = Findings(str(path), limits.problems)
+    try:
+        text = open_results_text(path, limits)
+        if text.kind != "coco-json":
+            raise FormatError([_not_json(text.kind)])
+        detections = parse_coco_json(text, found, limits)
+    except FormatError as error:
+        found.stop(error)
+        found.raise_errors()
+        raise
+    found.raise_errors()
+    return detections
+
+
+def write_coco_json(path: str | Path, detections: Detections) -> None:
+    """Write a COCO results JSON, atomically, one entry a line; gzipped if named ``.gz``.
+
+    Numbers are written with the fewest digits that read back to the same bits.
+
+    Raises:
+        UsageError: a score or box is not finite; nothing is written.
+        MissingDataError: the folder does not exist or may not be written.
+    """
+    partial = np.isfinite(detections.bbox_xywh_px).any(axis=1) & ~detections.has_bbox
+    infinite = np.isinf(detections.bbox_xywh_px).any(axis=1)
+    for name, bad in (("score", ~np.isfinite(detections.score)), ("bbox", partial | infinite)):
+        if bad.any():
+            rows = np.flatnonzero(bad)
+            raise UsageError(
+                f"{path}: {name} is not finite in {len(rows)} rows, first in row {rows[0]}"
+            )
+    entries = b",\n".join(_written_entries(detections))
+    write_results_text(path, b"[\n" + entries + b"\n]\n" if entries else b"[]\n")
+
+
+def parse_coco_json(source: ResultsText, found: Findings, limits: Limits) -> Detections:
+    """Read all entries; what is unreadable goes to ``found``.
+
+    An entry whose ids can be read is kept, with NaN for each number that cannot; the table is of
+    use only if ``found`` has no errors.
+
+    Raises:
+        FormatError: the text is truncated or too large, so that it is no JSON at all.
+    """
+    data = b"".join(source.blocks)
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        found.stop(FormatError([bad_encoding(error, source.first_byte, line)]))
+        return _table([], np.zeros((0, 2), np.int64))
+    try:
+        entries = _ENTRIES.decode(data)
+        places = _places_of_entries(data)
+    except msgspec.MsgspecError:
+        entries, places = read_entries_slowly(text, found, limits)
+    if len(entries) > limits.rows:
+        found.stop(FormatError([too_many_rows(limits, int(places[limits.rows, 0]))]))
+    return _table(entries, places)
+
+
+def _places_of_entries(data: bytes) -> NDArray[np.int64]:
+    """``(N, 2)``: line on which each entry of a valid file begins, and its index in the list."""
+    newlines = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
+    begins: list[int] = []
+    end = 0
+    for raw in _RAW_ENTRIES.decode(data):
+        begin = data.index(b"{", end)  # between entries there are only blanks and commas
+        begins.append(begin)
+        end = begin + len(memoryview(raw))
+    lines = np.searchsorted(newlines, np.array(begins, np.int64)) + 1
+    return np.column_stack([lines, np.arange(len(lines))])
+
+
+def _table(entries: list[Entry], places: NDArray[np.int64]) -> Detections:
+    n = len(entries)
+    boxes = np.array([e.bbox or _NO_BBOX for e in entries], np.float64).reshape(n, 4)
+    times = np.array([np.nan if e.time is None else e.time for e in entries], np.float64)
+    return Detections(
+        scene_id=np.fromiter((e.scene_id for e in entries), np.int64, n),
+        im_id=np.fromiter((e.image_id for e in entries), np.int64, n),
+        obj_id=np.fromiter((e.category_id for e in entries), np.int64, n),
+        score=np.fromiter((e.score for e in entries), np.float64, n),
+        bbox_xywh_px=boxes,
+        segmentation=tuple([e.segmentation for e in entries]),
+        time_s=times_of_file(times),
+        line=places[:, 0].copy(),
+        entry=places[:, 1].copy(),
+    )
+
+
+def _written_entries(detections: Detections) -> Iterator[bytes]:
+    columns = zip(
+        detections.scene_id.tolist(),
+        detections.im_id.tolist(),
+        detections.obj_id.tolist(),
+        detections.score.tolist(),
+        detections.bbox_xywh_px.tolist(),
+        detections.has_bbox.tolist(),
+        detections.segmentation,
+        detections.time_s.tolist(),
+        strict=True,
+    )
+    for scene_id, im_id, obj_id, score, bbox, has_bbox, segmentation, time in columns:
+        yield msgspec.json.encode(
+            Entry(
+                scene_id=scene_id,
+                image_id=im_id,
+                category_id=obj_id,
+                score=score,
+                bbox=tuple(bbox) if has_bbox else None,
+                segmentation=segmentation,
+                time=None if time != time else time,
+            )
+        )
+
+
+def _not_json(kind: str) -> Problem:
+    return Problem(
+        code="wrong-kind",
+        what="the file is not a COCO results JSON",
+        expected="a list of detections",
+        got=kind,
+        fix="read it with read_pose_csv, or let read_results choose",
+    )

@@ -1,0 +1,166 @@
+"""What may be wrong with poses that can be read: no rotation, metres, behind the camera, twice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sixd.errors import Problem
+from sixd.results.findings import Findings
+from sixd.results.groups import group_rows
+from sixd.results.places import place_of
+from sixd.results.tables import Floats, PoseEstimates
+
+ROTATION_TOLERANCE = 1e-3
+"""Largest max|R R^T - I| of a rotation. Numbers of float32 or with 4 digits stay below."""
+MENDABLE_ROTATION_ERROR = 0.05
+"""Up to here the nearest rotation is within about 1.5 degrees, and ``--fix`` puts it in."""
+NEAREST_MM = 20.0
+"""An object nearer than this (2 cm, or 20 m taken for millimetres) is not in its right unit."""
+_SAME_SCALE = 0.02
+
+
+def check_poses(table: PoseEstimates, found: Findings) -> None:
+    """Look at each pose, and at all together for a wrong unit."""
+    _check_rotations(table, found)
+    _check_translations(table, found)
+    _check_duplicates(table, found)
+
+
+def orthogonality_error(R: Floats) -> Floats:
+    """``max |R R^T - I|`` of each matrix ``(N, 3, 3)``: 0 for rotations and reflections."""
+    gaps = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3))
+    error: Floats = gaps.max(axis=(-2, -1), initial=0)
+    return error
+
+
+def determinant(R: Floats) -> Floats:
+    """Determinant of each matrix ``(N, 3, 3)``."""
+    a, b, c = R[:, 0], R[:, 1], R[:, 2]
+    det: Floats = (
+        a[:, 0] * (b[:, 1] * c[:, 2] - b[:, 2] * c[:, 1])
+        - a[:, 1] * (b[:, 0] * c[:, 2] - b[:, 2] * c[:, 0])
+        + a[:, 2] * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
+    )
+    return det
+
+
+def _check_rotations(table: PoseEstimates, found: Findings) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = orthogonality_error(table.R)
+        det = determinant(table.R)
+    known = np.isfinite(table.R).all(axis=(1, 2))
+    is_orthogonal = error <= ROTATION_TOLERANCE  # False where it overflowed
+
+    def not_a_rotation(row: int) -> Problem:
+        line, field = place_of(table, row, "R")
+        return Problem(
+            code="not-a-rotation",
+            what="R is not a rotation matrix",
+            line=line,
+            field=field,
+            expected=f"det 1 and max|R R^T - I| at most {ROTATION_TOLERANCE:g}",
+            got=f"det {det[row]:.6g}, max|R R^T - I| {error[row]:.3g}",
+            fix=_mend_rotation(table.R[row], float(error[row]), float(det[row])),
+        )
+
+    def reflection(row: int) -> Problem:
+        line, field = place_of(table, row, "R")
+        return Problem(
+            code="reflection",
+            what="R is a reflection: it turns the object inside out",
+            line=line,
+            field=field,
+            expected="det 1",
+            got=f"det {det[row]:.6g}, max|R R^T - I| {error[row]:.3g}",
+            fix="look for a flipped axis or a left-handed frame; this cannot be mended here",
+        )
+
+    found.each(np.flatnonzero(known & ~is_orthogonal), not_a_rotation)
+    found.each(np.flatnonzero(known & is_orthogonal & (det < 0)), reflection)
+
+
+def _mend_rotation(R: Floats, error: float, det: float) -> str:
+    if error < MENDABLE_ROTATION_ERROR and det > 0:
+        return "sixd check --fix OUT puts the nearest rotation in its place"
+    if not R.any():
+        return "leave out estimates that do not exist"
+    scale = float(np.cbrt(abs(det))) if np.isfinite(det) else 0.0
+    if scale > 0 and orthogonality_error(R[None] / scale)[0] < _SAME_SCALE:
+        return "R contains a scale: divide its columns by their length"
+    return "write the nine numbers of the rotation row by row"
+
+
+def _check_translations(table: PoseEstimates, found: Findings) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance_mm = np.linalg.norm(table.t_mm, axis=1)
+    known = np.isfinite(table.t_mm).all(axis=1)
+    if known.any() and 0 < (median := float(np.median(distance_mm[known]))) < NEAREST_MM:
+        line, field = place_of(table, int(np.flatnonzero(known)[0]), "t")
+        found.add(
+            Problem(
+                code="metres",
+                what="t looks like metres; it must be in millimetres",
+                line=line,
+                field=field,
+                expected=f"objects farther than {NEAREST_MM:g} mm from the camera",
+                got=f"median distance {median:.4g} in {known.sum():,} rows",
+                fix="multiply t by 1000 where the file is written",
+            )
+        )
+        return
+
+    def near(row: int) -> Problem:
+        line, field = place_of(table, row, "t")
+        return Problem(
+            code="near-camera",
+            what="the object is within 2 cm of the camera; is t in millimetres?",
+            line=line,
+            field=field,
+            expected=f"farther than {NEAREST_MM:g} mm",
+            got=f"{distance_mm[row]:.4g} mm",
+            fix="check this estimate",
+            severity="warning",
+        )
+
+    def behind(row: int) -> Problem:
+        line, field = place_of(table, row, "t")
+        return Problem(
+            code="behind-camera",
+            what="the object's origin is not in front of the camera",
+            line=line,
+            field=field,
+            expected="z > 0 (x right, y down, z forward)",
+            got=f"z = {table.t_mm[row, 2]:.6g} mm",
+            fix="check the camera frame: OpenGL's z points backward",
+            severity="warning",
+        )
+
+    is_near = known & (distance_mm < NEAREST_MM)
+    found.each(np.flatnonzero(is_near), near)
+    found.each(np.flatnonzero(known & ~is_near & (table.t_mm[:, 2] <= 0)), behind)
+
+
+def _check_duplicates(table: PoseEstimates, found: Findings) -> None:
+    ids = (table.scene_id, table.im_id, table.obj_id)
+    _, group = group_rows(*ids, table.t_mm[:, 0])
+    suspects = np.flatnonzero(np.bincount(group, minlength=1)[group] > 1)
+    numbers = np.column_stack([table.t_mm, table.R.reshape(-1, 9)])[suspects]
+    first, group = group_rows(*(column[suspects] for column in ids), *numbers.T)
+    original = suspects[first[group]]
+    copies = np.flatnonzero(original != suspects)
+    found.each(copies, lambda k: _duplicate(table, int(suspects[k]), int(original[k])))
+
+
+def _duplicate(table: PoseEstimates, row: int, original: int) -> Problem:
+    line, field = place_of(table, row, "R, t")
+    other = f"row {original}" if table.line is None else f"line {table.line[original]}"
+    return Problem(
+        code="duplicate",
+        what="the same pose of the same object in the same image, again",
+        line=line,
+        field=field,
+        expected="each pose once; a second one is a false positive",
+        got=f"the pose of {other}",
+        fix="keep the one with the higher score",
+        severity="warning",
+    )
