@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 from sixd.geometry import Fisheye624Camera, Mesh, PinholeCamera, Pose, Symmetries, SymmetryAxis
 
 IDENTITY = Pose.identity(1)
+A_METRE_AWAY = np.array([0, 0, 1000.0])
 CUBE_MM = np.array([[x, y, z] for x in (-50, 50) for y in (-50, 50) for z in (-50, 50)], float)
 
 seeds = st.integers(0, 2**32 - 1)
@@ -28,7 +29,7 @@ def random_poses(rng: np.random.Generator, n: int, spread_mm: float = 300.0) -> 
     """Uniform rotations, in front of a camera 1 m away."""
     q = rng.normal(size=(n, 4))
     angle = 2 * np.arctan2(np.linalg.norm(q[:, 1:], axis=1), q[:, 0])
-    t_mm = rng.uniform(-spread_mm, spread_mm, (n, 3)) + [0, 0, 1000.0]
+    t_mm = rng.uniform(-spread_mm, spread_mm, (n, 3)) + A_METRE_AWAY
     return Pose(rotation(q[:, 1:], angle), t_mm)
 
 
@@ -46,7 +47,7 @@ def poses(draw: st.DrawFn, n: int) -> Pose:
     axes = np.where(np.linalg.norm(axes, axis=1, keepdims=True) < 1e-3, [0, 0, 1.0], axes)
     angles = draw(hnp.arrays(float, (n,), elements=st.floats(0, 2 * np.pi)))
     t_mm = draw(hnp.arrays(float, (n, 3), elements=st.floats(-250, 250)))
-    return Pose(rotation(axes, angles), t_mm + [0, 0, 1000])
+    return Pose(rotation(axes, angles), t_mm + A_METRE_AWAY)
 
 
 @st.composite
@@ -58,10 +59,10 @@ def symmetries(draw: st.DrawFn, max_axes: int = 2) -> Symmetries:
         listed.append(turns[1:])
     if draw(st.booleans()):
         moved = draw(poses(1))
-        listed.append(Pose(moved.R, moved.t_mm - [0, 0, 1000]))
+        listed.append(Pose(moved.R, moved.t_mm - A_METRE_AWAY))
     R, t_mm = (np.concatenate([getattr(p, k) for p in listed]) for k in ("R", "t_mm"))
     points = st.tuples(*[st.floats(-20, 20)] * 3).map(np.array)
-    directions = st.sampled_from(np.vstack([np.eye(3), [[1, 2, 3]], [[0, -1, 1]]]) * 1.0)
+    directions = st.sampled_from([*np.eye(3), np.array([1.0, 2, 3]), np.array([0, -1.0, 1])])
     axes = st.lists(st.builds(SymmetryAxis, directions, points), max_size=max_axes)
     return Symmetries(Pose(R, t_mm), tuple(draw(axes)))
 

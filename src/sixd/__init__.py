@@ -58,7 +58,7 @@ _HOME = {
     "results_from_truth": "synth.truth_results",
 }
 
-__all__ = ["__version__", *_HOME]
+__all__ = ["__version__", *_HOME]  # noqa: PLE0604 (ruff does not follow the star)
 
 
 def __getattr__(name: str) -> Any:

@@ -6,10 +6,10 @@ import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 _MOST_SHOWN = 20
 
@@ -84,8 +84,10 @@ def _listed(problems: Sequence[Problem]) -> str:
     return shown + (f"\n... and {more} more" if more > 0 else "")
 
 
-def check_shape(name: str, array: np.ndarray, tail: tuple[int, ...]) -> None:
+def check_shape(name: str, array: ArrayLike, tail: tuple[int, ...]) -> None:
     """Raise `ShapeError` unless the last axes of ``array`` are ``tail``."""
+    import numpy as np  # here, so that `sixd --help` does not wait for it
+
     got = np.shape(array)
     if got[-len(tail) :] != tail:
         want = ", ".join(["...", *map(str, tail)])

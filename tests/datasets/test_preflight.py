@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sixd.datasets import open_dataset
+from sixd.datasets.preflight import find_missing
 from tests.datasets.folders import write_classic, write_image
 
 EVERYTHING = ("camera", "truth", "gt_info", "models_info", "meshes", "depth", "rgb", "coco")
@@ -20,7 +21,7 @@ def dataset(tmp_path):
 
 def test_nothing_is_missing_from_a_whole_dataset(dataset):
     needs = [n for n in EVERYTHING if n != "coco"]
-    assert dataset.preflight(*keys((1, 0), (1, 0), (2, 3)), [1, 2], needs) == []
+    assert find_missing(dataset, *keys((1, 0), (1, 0), (2, 3)), [1, 2], needs) == []
 
 
 def test_everything_that_is_missing_is_named_at_once(dataset):
@@ -29,7 +30,7 @@ def test_everything_that_is_missing_is_named_at_once(dataset):
     (dataset.scene_dir(2) / "depth" / "000000.png").unlink()
     (dataset.models_dir / "obj_000002.ply").unlink()
     images = keys((1, 0), (2, 0), (2, 3), (2, 77), (9, 0))
-    problems = dataset.preflight(*images, [1, 2, 3], EVERYTHING)
+    problems = find_missing(dataset, *images, [1, 2, 3], EVERYTHING)
     found = {(p.code, p.file.removeprefix(f"{dataset.path}/"), p.field) for p in problems}
     assert found == {
         ("missing-file", "test/000001/scene_gt.json", ""),
@@ -52,15 +53,15 @@ def test_everything_that_is_missing_is_named_at_once(dataset):
 def test_what_is_not_needed_is_not_asked_for(dataset):
     dataset.annotation_path("gt_info", 1).unlink()
     dataset.models_info_path.unlink()
-    assert dataset.preflight(*keys((1, 0)), [1], ("truth", "depth")) == []
-    (problem,) = dataset.preflight(*keys((1, 0)), [1], ("models_info",))
+    assert find_missing(dataset, *keys((1, 0)), [1], ("truth", "depth")) == []
+    (problem,) = find_missing(dataset, *keys((1, 0)), [1], ("models_info",))
     assert problem.file == str(dataset.models_info_path)
 
 
 def test_a_broken_camera_or_models_file_is_a_problem_not_a_crash(dataset):
     dataset.annotation_path("camera", 1).write_text("{")
     dataset.models_info_path.write_text("[]")
-    problems = dataset.preflight(*keys((1, 0)), [1], ("camera", "models_info"))
+    problems = find_missing(dataset, *keys((1, 0)), [1], ("camera", "models_info"))
     assert [p.code for p in problems] == ["bad-json", "bad-json-entry"]
 
 
@@ -71,11 +72,11 @@ def test_a_dataset_without_depth_says_so(tmp_path):
     (dataset.scene_dir(1) / "depth").rmdir()
     fresh = open_dataset(dataset.path)
     assert not fresh.has_depth
-    (problem,) = fresh.preflight(*keys((1, 0)), (), ("depth",))
+    (problem,) = find_missing(fresh, *keys((1, 0)), (), ("depth",))
     assert "no depth images" in problem.what
 
 
 def test_an_image_with_another_extension_is_not_missing(dataset):
     dataset.image_path(1, 0).unlink()
     write_image(dataset.scene_dir(1) / "rgb" / "000000.jpg", 4, "rgb")
-    assert open_dataset(dataset.path).preflight(*keys((1, 0)), (), ("rgb",)) == []
+    assert find_missing(open_dataset(dataset.path), *keys((1, 0)), (), ("rgb",)) == []

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sixd.datasets import open_dataset
+from sixd.datasets.preflight import find_missing
 from sixd.datasets.targets import read_targets
 from sixd.datasets.truth import coco_truth_path, read_truth
 from tests.datasets.folders import instance, write_json, write_models, write_scene
@@ -39,7 +40,7 @@ def test_a_known_dataset_with_only_depth_images_is_whole_enough(shared_data):
     assert coco_truth_path(dataset, 2).is_file()
     needs = ("camera", "truth", "gt_info", "models_info", "meshes", "depth", "coco")
     images = truth.images
-    assert dataset.preflight(images[:, 0], images[:, 1], dataset.object_ids, needs) == []
+    assert find_missing(dataset, images[:, 0], images[:, 1], dataset.object_ids, needs) == []
     assert dataset.frame(2, 0).rgb is None
     assert dataset.depth_mm(2, 0).max() > 500
     assert len(dataset.model(10).symmetries.axes) == 1

@@ -56,6 +56,16 @@ def test_a_folder_that_exists_is_not_touched(tmp_path):
     assert names_in(tmp_path / "set") == ["mine.txt"]
 
 
+def test_what_is_written_has_the_rights_the_user_wants(tmp_path):
+    with new_folder(tmp_path / "set") as folder:
+        write_bytes(folder / "a.json", b"{}")
+    (tmp_path / "plain").mkdir()
+    (tmp_path / "plain" / "a.json").write_bytes(b"{}")
+    for name in ("", "a.json"):
+        made, plain = (tmp_path / where / name for where in ("set", "plain"))
+        assert made.stat().st_mode == plain.stat().st_mode
+
+
 def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "x.json"
     write_bytes(path, b"old")

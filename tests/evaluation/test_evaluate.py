@@ -73,11 +73,11 @@ def test_estimates_of_absent_objects_cost_precision_only_in_the_strict_protocol(
 ) -> None:
     found = sixd.results_from_truth(dataset, "detection")
     assert isinstance(found, sixd.PoseEstimates)
-    present = set(zip(found.scene_id.tolist(), found.im_id.tolist(), found.obj_id.tolist(), strict=True))
+    present = set(
+        zip(found.scene_id.tolist(), found.im_id.tolist(), found.obj_id.tolist(), strict=True)
+    )
     images = sorted({k[:2] for k in present})
-    absent = [
-        (s, i, o) for s, i in images for o in dataset.object_ids if (s, i, o) not in present
-    ]
+    absent = [(s, i, o) for s, i in images for o in dataset.object_ids if (s, i, o) not in present]
     assert absent
     ids = np.array(absent)
     ghosts = sixd.PoseEstimates.from_arrays(
@@ -117,7 +117,9 @@ def test_workers_change_nothing(
 
 
 def test_errors_grow_and_scores_fall(dataset: sixd.Dataset, truth: sixd.PoseEstimates) -> None:
-    scores = [sixd.evaluate(shifted(truth, mm), dataset).scores["AR"] for mm in (0.0, 3.0, 15.0, 80.0)]
+    scores = [
+        sixd.evaluate(shifted(truth, mm), dataset).scores["AR"] for mm in (0.0, 3.0, 15.0, 80.0)
+    ]
     assert scores == sorted(scores, reverse=True)
     assert scores[0] > scores[-1]
 
@@ -166,18 +168,22 @@ def test_every_error_can_be_exported(
 def test_a_file_that_is_no_evaluation_is_named(tmp_path: Path) -> None:
     path = tmp_path / "x.sixd"
     path.write_bytes(b"PK\x03\x04 not really")
-    with pytest.raises(sixd.SixdError, match="x.sixd"):
+    with pytest.raises(sixd.SixdError, match=r"x\.sixd"):
         sixd.load_evaluation(path)
-    with pytest.raises(sixd.SixdError, match="missing.sixd"):
+    with pytest.raises(sixd.SixdError, match=r"missing\.sixd"):
         sixd.load_evaluation(tmp_path / "missing.sixd")
 
 
-def test_an_unknown_protocol_names_the_nearest(dataset: sixd.Dataset, truth: sixd.PoseEstimates) -> None:
+def test_an_unknown_protocol_names_the_nearest(
+    dataset: sixd.Dataset, truth: sixd.PoseEstimates
+) -> None:
     with pytest.raises(sixd.SixdError, match="bop19-localization"):
         sixd.evaluate(truth, dataset, "bop19-localisation")
 
 
-def test_results_of_another_kind_are_refused(dataset: sixd.Dataset, truth: sixd.PoseEstimates) -> None:
+def test_results_of_another_kind_are_refused(
+    dataset: sixd.Dataset, truth: sixd.PoseEstimates
+) -> None:
     boxes = sixd.results_from_truth(dataset, "detection2d")
     with pytest.raises(sixd.SixdError, match="scores 6D poses"):
         sixd.evaluate(boxes, dataset, "bop19-localization")
@@ -199,7 +205,9 @@ def test_broken_rows_are_refused_all_at_once(
     assert "broken.csv:6" in str(caught.value)
 
 
-def test_everything_missing_is_named_before_anything_is_computed(tiny: Path, tmp_path: Path) -> None:
+def test_everything_missing_is_named_before_anything_is_computed(
+    tiny: Path, tmp_path: Path
+) -> None:
     broken = tmp_path / "sixdemo"
     shutil.copytree(tiny, broken)
     (broken / "test/000001/depth/000001.png").unlink()

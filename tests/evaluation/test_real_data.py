@@ -90,9 +90,7 @@ def assert_errors_agree(peer: Path, ours: sixd.Evaluation, task: str) -> None:
         mine = sorted(ids)
         assert len(mine) == len(theirs)
         np.testing.assert_array_equal([m[:5] for m in mine], [t[:5] for t in theirs])
-        np.testing.assert_allclose(
-            [m[5] for m in mine], [t[5] for t in theirs], rtol=0, atol=1e-6
-        )
+        np.testing.assert_allclose([m[5] for m in mine], [t[5] for t in theirs], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +126,9 @@ def test_the_truth_of_lmo_scores_exactly_one(shared_data: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["tless", "ycbv", "tudl", "icbin"])
-def test_results_for_another_dataset_are_refused(shared_data: Path, name: str, tmp_path: Path) -> None:
+def test_results_for_another_dataset_are_refused(
+    shared_data: Path, name: str, tmp_path: Path
+) -> None:
     (results,) = (shared_data / "submissions").glob(f"cnos-*_{name}-test_*.csv")
     with pytest.raises(sixd.SixdError, match=f"named as results for {name}"):
         sixd.evaluate(results, shared_data / "lmo", errors=["mssd"])

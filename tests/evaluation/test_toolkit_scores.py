@@ -101,7 +101,7 @@ def test_every_ap_of_every_object_at_every_threshold_is_the_toolkits(
         table.groups.diameter_mm[:] = diameter_mm
     from sixd.evaluation.scores import _Precision
 
-    levels = _Precision(table, spec).object_levels
+    levels = _Precision(table, spec).of_objects()
     with (outputs / published).open() as file:
         head, *rows = csv.reader(file)
     thresholds = [float(h) for h in head[1:11]]

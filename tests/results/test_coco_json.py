@@ -42,7 +42,7 @@ def test_masks_keep_their_form(tmp_path: Path) -> None:
 def test_each_entry_knows_its_line_and_index(tmp_path: Path) -> None:
     path = tmp_path / "x.json"
     mask = ENTRY | {"segmentation": {"size": [1, 1], "counts": "01"}}
-    path.write_text("[\n" + json.dumps(BOX) + ",\n\n" + json.dumps(mask) + json.dumps(BOX).join(", ]"))
+    path.write_text(f"[\n{json.dumps(BOX)},\n\n{json.dumps(mask)}, {json.dumps(BOX)}]")
     table = read_coco_json(path)
     assert table.line.tolist() == [2, 4, 4]  # type: ignore[union-attr]
     assert table.entry.tolist() == [0, 1, 2]  # type: ignore[union-attr]
@@ -165,7 +165,9 @@ json_values = st.recursive(
     | st.floats()
     | st.text(max_size=4)
     | st.sampled_from([0, 1, -1, -0.0, 2**63, 10**400]),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
+    ),
     max_leaves=6,
 )
 names = st.sampled_from(
@@ -197,11 +199,7 @@ def test_what_the_fast_decoder_takes_the_slow_one_takes_with_the_same_bits(
     except msgspec.MsgspecError:
         return
     assert found.problems() == ()
-    assert repr(slow) == repr([msgspec.structs.replace(e, **_as_floats(e)) for e in fast])
-
-
-def _as_floats(entry: Entry) -> dict[str, Any]:
-    return {"score": float(entry.score)}
+    assert repr(slow) == repr(fast)
 
 
 @given(st.lists(json_entries(), max_size=3))

@@ -10,12 +10,20 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sixd.errors import FormatError, MissingDataError, UsageError
-from sixd.results import PoseEstimates, read_pose_csv, write_pose_csv
+from sixd.results import Limits, PoseEstimates, read_pose_csv, write_pose_csv
 from sixd.results.findings import Findings
 from sixd.results.lines import LineBlock
 from sixd.results.pose_csv import _read_rows_fast
 from sixd.results.pose_csv_rows import read_rows_slowly
-from tests.results.makers import HEADER, ROW, bits, csv_file, pose_tables, random_rotations, row_with
+from tests.results.makers import (
+    HEADER,
+    ROW,
+    bits,
+    csv_file,
+    pose_tables,
+    random_rotations,
+    row_with,
+)
 
 
 @given(pose_tables())
@@ -49,11 +57,17 @@ def test_numbers_are_written_with_the_fewest_digits(tmp_path: Path) -> None:
     assert (tmp_path / "y.csv").read_text().splitlines()[1].split(",")[3] == "0.1"
 
 
-def test_a_file_that_cannot_be_written_whole_is_not_written(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("score", math.nan), ("R", math.inf), ("t_mm", math.nan), ("time_s", math.inf)],
+)
+def test_a_file_that_cannot_be_written_whole_is_not_written(
+    tmp_path: Path, name: str, value: float
+) -> None:
     table = _some_estimates(3)
-    table.score[1] = math.nan
+    getattr(table, name)[1] = value
     (tmp_path / "x.csv").write_text("what was there")
-    with pytest.raises(UsageError, match="score is not finite in 1 rows, first in row 1"):
+    with pytest.raises(UsageError, match=f"{name} is not finite in 1 rows, first in row 1"):
         write_pose_csv(tmp_path / "x.csv", table)
     assert [p.name for p in tmp_path.iterdir()] == ["x.csv"]
     assert (tmp_path / "x.csv").read_text() == "what was there"
@@ -71,6 +85,13 @@ def test_a_header_is_optional(tmp_path: Path) -> None:
     assert bits(read_pose_csv(bare)) == bits(read_pose_csv(with_header))
 
 
+def test_there_is_one_header_at_most(tmp_path: Path) -> None:
+    path = csv_file(tmp_path / "x.csv", HEADER, ROW)
+    with pytest.raises(FormatError) as caught:
+        read_pose_csv(path)
+    assert [(p.line, p.code) for p in caught.value.problems] == [(2, "repeated-header")]
+
+
 def test_missing_times_are_nan(tmp_path: Path) -> None:
     rows = [row_with(time=time) for time in ("-1", "-1.0", "-0.5", "0", "-0.0")]
     table = read_pose_csv(csv_file(tmp_path / "x.csv", *rows))
@@ -83,7 +104,9 @@ def test_large_ids_are_not_rounded(tmp_path: Path, big: int) -> None:
 
 
 def test_all_problems_are_raised_at_once(tmp_path: Path) -> None:
-    path = csv_file(tmp_path / "x.csv", "1,2", row_with(score="nan", im_id="x"), ROW, row_with(t="1 2"))
+    path = csv_file(
+        tmp_path / "x.csv", "1,2", row_with(score="nan", im_id="x"), ROW, row_with(t="1 2")
+    )
     with pytest.raises(FormatError) as caught:
         read_pose_csv(path)
     found = [(p.line, p.field, p.code) for p in caught.value.problems]
@@ -96,8 +119,17 @@ def test_all_problems_are_raised_at_once(tmp_path: Path) -> None:
     assert all(p.file == str(path) for p in caught.value.problems)
 
 
+def test_of_very_many_problems_the_number_is_raised_too(tmp_path: Path) -> None:
+    path = csv_file(tmp_path / "x.csv", *["1,2"] * 30)
+    with pytest.raises(FormatError) as caught:
+        read_pose_csv(path, limits=Limits(problems=10))
+    assert len(caught.value.problems) == 11
+    assert caught.value.problems[-1].code == "more-problems"
+    assert "20 more" in caught.value.problems[-1].what
+
+
 def test_a_missing_file_is_told_by_its_path(tmp_path: Path) -> None:
-    with pytest.raises(MissingDataError, match="none.csv"):
+    with pytest.raises(MissingDataError, match=r"none\.csv"):
         read_pose_csv(tmp_path / "none.csv")
     with pytest.raises(MissingDataError, match="directory"):
         read_pose_csv(tmp_path)
@@ -114,10 +146,13 @@ def test_json_is_not_taken_for_a_csv(tmp_path: Path) -> None:
 
 numbers = st.one_of(
     st.sampled_from(
-        ["0", "-0", "-0.0", "-0e0", "+1", ".5", "5.", "1e400", "-1e400", "1e-400", "1_0", "0x10"]
-        + ["nan", "inf", "-Infinity", "", " ", "1 2", "1e5", "1E+05", "1e", "--1", "1-", "007"]
-        + ["9007199254740993", "9223372036854775807", "9223372036854775808", "1.0", "\u0661", "'1'"]
-        + ["1\r", "\t1", "1\x0b", "1\x00", "[1]", "true", "null", "1" * 401, "0." + "3" * 398]
+        [
+            *("0", "-0", "-0.0", "-0e0", "+1", ".5", "5.", "1e400", "-1e400", "1e-400", "1_0"),
+            *("nan", "inf", "-Infinity", "", " ", "1 2", "1e5", "1E+05", "1e", "--1", "1-", "007"),
+            *("9007199254740993", "9223372036854775807", "9223372036854775808", "1.0", "\u0661"),
+            *("1\r", "\t1", "1\x0b", "1\x00", "[1]", "true", "null", "'1'", "0x10"),
+            *("1" * 401, "0." + "3" * 398),
+        ]
     ),
     st.integers(-(2**64), 2**64).map(str),
     st.floats().map(repr),
@@ -134,9 +169,11 @@ def csv_texts(draw: st.DrawFn) -> str:
         tokens = ROW.replace(",", " ").split()
         for _ in range(draw(st.integers(0, 2))):
             tokens[draw(st.integers(0, 16))] = draw(numbers)
-        separators = list(",,,,        ,  ,") + [""]
+        separators = [*",,,,        ,  ,", ""]
         if draw(st.integers(0, 9)) == 0:
-            separators[draw(st.integers(0, 15))] = draw(st.sampled_from([",", " ", "  ", ";", "\t"]))
+            separators[draw(st.integers(0, 15))] = draw(
+                st.sampled_from([",", " ", "  ", ";", "\t"])
+            )
         lines.append("".join(map("".join, zip(tokens, separators, strict=True))))
     end = draw(st.sampled_from(["\n", "\n", "\r\n", "\n\n", "\r"]))
     return end.join(lines).rstrip("\n") + end.rstrip("\n") + "\n"
@@ -152,7 +189,7 @@ def test_what_the_fast_reader_takes_the_slow_one_takes_with_the_same_bits(text: 
     block = LineBlock(text.encode(), 2, 0)
     fast = _read_rows_fast(block)
     found = Findings("x", 100)
-    slow = read_rows_slowly(block, found, 1 << 16, first=False)
+    slow = read_rows_slowly(block, found, 1 << 16)
     if fast is None:
         return
     assert found.problems() == ()
@@ -164,7 +201,7 @@ def test_what_the_fast_reader_takes_the_slow_one_takes_with_the_same_bits(text: 
 @given(csv_texts())
 def test_a_row_is_lost_only_if_a_problem_says_so(text: str) -> None:
     found = Findings("x", 1000)
-    rows = read_rows_slowly(LineBlock(text.encode(), 1, 0), found, 1 << 16, first=False)
+    rows = read_rows_slowly(LineBlock(text.encode(), 2, 0), found, 1 << 16)
     n_lines = sum(bool(line.strip()) for line in text.split("\n"))
     told = {p.line for p in found.problems() if p.severity == "error"}
     assert len(rows.line) >= n_lines - len(told)
@@ -172,7 +209,8 @@ def test_a_row_is_lost_only_if_a_problem_says_so(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "token", ["+1", ".5", "5.", "007", "1E+05", "1e-400", "  1", "1  ", "-0", "\t1", "0." + "3" * 398]
+    "token",
+    ["+1", ".5", "5.", "007", "1E+05", "1e-400", "  1", "1  ", "-0", "\t1", "0." + "3" * 398],
 )
 def test_unusual_but_clear_numbers_are_taken(tmp_path: Path, token: str) -> None:
     table = read_pose_csv(csv_file(tmp_path / "x.csv", row_with(score=token)))
@@ -180,7 +218,21 @@ def test_unusual_but_clear_numbers_are_taken(tmp_path: Path, token: str) -> None
 
 
 @pytest.mark.parametrize(
-    "token", ["1_0", "0x10", "1e400", "nan", "inf", "-Infinity", "\u0661", "1 2", "", '"1"', "1e", "1" * 401]
+    "token",
+    [
+        "1_0",
+        "0x10",
+        "1e400",
+        "nan",
+        "inf",
+        "-Infinity",
+        "\u0661",
+        "1 2",
+        "",
+        '"1"',
+        "1e",
+        "1" * 401,
+    ],
 )
 def test_what_is_no_plain_finite_decimal_is_refused(tmp_path: Path, token: str) -> None:
     with pytest.raises(FormatError) as caught:

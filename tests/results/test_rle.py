@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from sixd.results import Rle
 from sixd.results.rle import measure_runs
 
-masks = arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=40), elements=st.integers(0, 1))
+masks = arrays(
+    np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=40), elements=st.integers(0, 1)
+)
 
 
 def runs_of(mask: NDArray[np.uint8]) -> list[int]:
     flat = np.concatenate([[0], mask.ravel(order="F"), [2]])
     edges = np.flatnonzero(np.diff(flat.astype(int)))
-    starts = [0, *edges.tolist()] if mask.ravel(order="F")[0] == 0 else [0, *edges.tolist()]
-    return np.diff(starts).tolist()
+    return np.diff([0, *edges.tolist()]).tolist()
 
 
 def compressed(mask: NDArray[np.uint8]) -> str:
@@ -39,7 +40,16 @@ def test_strings_and_lists_of_one_mask_measure_the_same(drawn: list[NDArray[np.u
 @pytest.mark.parametrize(
     "counts",
     ["é", "o", "0~", "  ", "0123o", "PPPPPPPP0", "\x00", "b'04'"],
-    ids=["not ascii", "ends in a number", "above 111", "below 48", "cut off", "too long", "zero", "repr"],
+    ids=[
+        "not ascii",
+        "ends in a number",
+        "above 111",
+        "below 48",
+        "cut off",
+        "too long",
+        "zero",
+        "repr",
+    ],
 )
 def test_what_is_no_code_is_not_decoded(counts: str) -> None:
     good = Rle((2, 2), "04")

@@ -10,6 +10,7 @@ import pytest
 from sixd.datasets import open_dataset
 from sixd.datasets.annotate.rle import decode_rle
 from sixd.datasets.images import read_image
+from sixd.datasets.preflight import find_missing
 from sixd.datasets.truth import coco_truth_path, read_truth
 from sixd.errors import UsageError
 from sixd.geometry import Pose
@@ -47,6 +48,11 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path):
     changed = {k for k, v in digests(other).items() if digests(first).get(k) != v}
     assert "test/000001/scene_gt.json" in changed
     assert "models_eval/models_info.json" not in changed
+
+
+def test_the_number_of_workers_changes_nothing(tmp_path):
+    many, one = {"images_per_scene": 4, "workers": 3}, {"images_per_scene": 4, "workers": 1}
+    assert digests(small(tmp_path / "a", **many)) == digests(small(tmp_path / "b", **one))
 
 
 def test_more_scenes_leave_the_first_as_it_is(tmp_path):
@@ -96,7 +102,7 @@ def test_the_reader_finds_everything(tiny):
     assert tiny.spec.vsd_delta_mm == 15.0
     targets = tiny.targets("test_targets_bop24.json")
     needs = ("camera", "truth", "gt_info", "depth", "models_info", "models")
-    assert tiny.preflight(targets.scene_id, targets.im_id, tiny.object_ids, needs) == []
+    assert find_missing(tiny, targets.scene_id, targets.im_id, tiny.object_ids, needs) == []
     assert len(tiny.model(2).symmetries.transforms()) == 2
     assert len(tiny.model(3).symmetries.transforms()) == 6
     assert len(tiny.model(4).symmetries.transforms()) == 315

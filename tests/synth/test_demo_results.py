@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from sixd.datasets import open_dataset
 from sixd.datasets.truth import read_truth
 from sixd.errors import MissingDataError, UsageError
+from sixd.evaluation.evaluate import evaluate
 from sixd.metrics.reference import mssd
 from sixd.results.coco_json import read_coco_json
+from sixd.results.lint import check_file
 from sixd.results.pose_csv import read_pose_csv
 from sixd.synth.demo_results import TASKS, write_demo_results
 from sixd.synth.perturb import STRENGTHS
@@ -138,6 +140,35 @@ def test_the_truth_as_localization_has_one_row_for_each_wanted_instance(tiny):
 def test_the_truth_as_detections_has_one_row_for_each_visible_instance(tiny, kind):
     visible = read_truth(tiny, need_gt_info=True).visib_fract >= 0.1
     assert len(results_from_truth(tiny, kind)) == visible.sum()
+
+
+@pytest.mark.parametrize(
+    ("kind", "protocol", "score"),
+    [
+        ("localization", "bop19-localization", "AR"),
+        ("detection", "bop24-detection", "AP"),
+        ("detection", "bop24-detection-strict", "AP"),
+        ("detection2d", "bop22-detection2d", "AP"),
+        ("segmentation2d", "bop22-segmentation2d", "AP"),
+    ],
+)
+def test_the_truth_scores_exactly_one(tiny, kind, protocol, score):
+    evaluation = evaluate(results_from_truth(tiny, kind), tiny, protocol)
+    assert evaluation.scores[score] == 1.0
+
+
+def test_scores_fall_with_the_strength_of_the_perturbation(results, tiny):
+    for task, protocol in (("detection", "bop24-detection"), ("detection2d", "bop22-detection2d")):
+        scores = [
+            evaluate(named(results, s.name, task), tiny, protocol).scores["AP"] for s in STRENGTHS
+        ]
+        assert scores == sorted(scores, reverse=True)
+        assert scores[0] > 0.6 > scores[-1]
+
+
+def test_the_checker_finds_no_fault_with_the_files(results, tiny):
+    for path in results:
+        assert [p for p in check_file(path, tiny).problems if p.severity == "error"] == []
 
 
 def test_wrong_questions_to_the_truth_are_refused(tiny):

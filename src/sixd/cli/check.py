@@ -70,9 +70,10 @@ def _refuse_missing(files: Iterable[Path]) -> None:
     """Name every file that is not there before any is read."""
     from sixd.errors import MissingDataError
 
-    missing = [str(file) for file in files if not file.exists()]
+    missing = [f"{file} is a folder" for file in files if file.is_dir()]
+    missing += [f"{file} does not exist" for file in files if not file.exists()]
     if missing:
-        raise MissingDataError(f"there is no such file: {', '.join(missing)}")
+        raise MissingDataError(f"no results file: {', '.join(missing)}")
 
 
 def _opened(dataset: str | None) -> Dataset | None:

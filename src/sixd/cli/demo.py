@@ -18,10 +18,11 @@ def demo_command(out: Path, seed: int, as_json: bool) -> None:
 
     The results are the truth, perturbed slightly, moderately and strongly: no method made them.
     """
-    from sixd.cli.progress import progress_bar
+    from sixd.cli.progress import prepare_kernels, progress_bar
     from sixd.report.tables import evaluation_table
     from sixd.synth.run_demo import run_demo
 
+    prepare_kernels()
     with progress_bar() as progress:
         run = run_demo(out, seed=seed, progress=progress)
     if as_json:

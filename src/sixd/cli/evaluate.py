@@ -25,7 +25,9 @@ import click
               "dataset.")  # fmt: skip
 @click.option("--errors", default=None, help="Measure only these: vsd,mssd,mspd. Without all of "
               "them there is no headline score.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), default=None, help="Threads. Default: all cores.")
+@click.option(
+    "--workers", type=click.IntRange(1), default=None, help="Threads. Default: all cores."
+)
 @click.option("--out", type=click.Path(path_type=Path), default=None,
               help="Save the evaluation to this file, for `sixd show`.")  # fmt: skip
 @click.option("--bop-out", type=click.Path(path_type=Path), default=None,
@@ -44,7 +46,7 @@ def eval_command(
     as_json: bool,
 ) -> None:
     """Score one or several results files. The same as `sixd.evaluate(...)`."""
-    from sixd.cli.progress import progress_bar
+    from sixd.cli.progress import prepare_kernels, progress_bar
     from sixd.datasets.opening import open_dataset
     from sixd.errors import UsageError
     from sixd.evaluation.bop_files import write_bop_files
@@ -55,6 +57,8 @@ def eval_command(
         raise UsageError("--out names one file, so it goes with one results file")
     chosen = get_protocol(protocol or default_protocol(results[0]))
     opened = open_dataset(dataset, split=split or "test", bop_path=os.environ.get("BOP_PATH"))
+    if chosen.kind == "pose":
+        prepare_kernels()
     with progress_bar() as progress:
         evaluations = evaluate_all(
             results,

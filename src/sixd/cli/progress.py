@@ -9,6 +9,17 @@ from contextlib import contextmanager
 from sixd.evaluation.measure import Progress, no_progress
 
 
+def prepare_kernels() -> None:
+    """Load the compiler, and say so if it has work to do: that takes a while, once."""
+    import click
+
+    from sixd.metrics.compilation import is_compiled, load_numba_without_blas
+
+    load_numba_without_blas()
+    if not is_compiled():
+        click.echo("sixd: first run: compiling, about 20 s more than later runs", err=True)
+
+
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """Yield a callback that draws on standard error while the block runs."""
@@ -16,7 +27,8 @@ def progress_bar() -> Iterator[Progress]:
         yield no_progress
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:

@@ -21,7 +21,7 @@ from sixd.datasets.views import View, view_of
 from sixd.errors import FormatError, MissingDataError, Problem
 
 if TYPE_CHECKING:
-    from sixd.datasets.preflight import Need
+    pass
 
 Annotation = Literal["camera", "gt", "gt_info", "gt_coco", "gt_coco_modal"]
 
@@ -370,18 +370,6 @@ class Dataset:
                 "that is there, or download the dataset's base archive"
             )
         return read_targets(path)
-
-    def preflight(
-        self,
-        scene_id: NDArray[np.int64],
-        im_id: NDArray[np.int64],
-        obj_ids: Collection[int] = (),
-        needs: Collection[Need] = ("camera", "truth"),
-    ) -> list[Problem]:
-        """Every missing file that an evaluation would need; see `preflight.find_missing`."""
-        from sixd.datasets.preflight import find_missing
-
-        return find_missing(self, scene_id, im_id, obj_ids, needs)
 
 
 def _times(size: Size) -> str:

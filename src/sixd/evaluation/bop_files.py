@@ -44,7 +44,9 @@ def bop_scores(evaluation: Evaluation) -> dict[str, float]:
     protocol = evaluation.protocol.partition("@")[0]
     try:
         if protocol == "bop19-localization":
-            named = {f"bop19_average_recall_{e}": scores[f"AR_{e}"] for e in ("vsd", "mssd", "mspd")}
+            named = {
+                f"bop19_average_recall_{e}": scores[f"AR_{e}"] for e in ("vsd", "mssd", "mspd")
+            }
             named |= {"bop19_average_recall": scores["AR"], "bop19_average_time_per_image": time_s}
             return named
         if protocol == "bop24-detection":

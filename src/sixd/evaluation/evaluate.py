@@ -14,15 +14,16 @@ import numpy as np
 from sixd.datasets.dataset import Dataset
 from sixd.datasets.models import some
 from sixd.datasets.opening import open_dataset
-from sixd.datasets.preflight import Need
+from sixd.datasets.preflight import Need, find_missing
 from sixd.datasets.spec import known_datasets
 from sixd.datasets.targets import Targets
-from sixd.datasets.truth import GroundTruth, dataset_hash, read_truth
+from sixd.datasets.truth import dataset_hash, read_truth
 from sixd.errors import FormatError, MissingDataError, UsageError
 from sixd.evaluation.coco_truth import coco_truth_hash, read_coco_truth
 from sixd.evaluation.evaluation import Evaluation, Provenance
 from sixd.evaluation.keys import find_rows
-from sixd.evaluation.measure import Models, Progress, measure, no_progress
+from sixd.evaluation.measure import Progress, measure, no_progress
+from sixd.evaluation.prepared import PreparedModels
 from sixd.evaluation.protocol import EvalProtocol, get_protocol
 from sixd.evaluation.scores import score
 from sixd.evaluation.selection import keep_best_per_image, select
@@ -124,7 +125,7 @@ class Evaluator:
         self.workers = workers or os.cpu_count() or 1
         self.progress = progress
         self._batches: list[Results] = []
-        self._models = Models(self.dataset)
+        self._models = PreparedModels(self.dataset)
         self._preflight()
 
     def add(self, batch: Results) -> None:
@@ -134,8 +135,11 @@ class Evaluator:
 
     def compute(self) -> Evaluation:
         """Score everything that was added so far; more may be added afterwards."""
-        kind = PoseEstimates if self.protocol.kind == "pose" else Detections
-        return self.score(kind.concatenate([b for b in self._batches if isinstance(b, kind)]))
+        if self.protocol.kind == "pose":
+            poses = [b for b in self._batches if isinstance(b, PoseEstimates)]
+            return self.score(PoseEstimates.concatenate(poses))
+        boxes = [b for b in self._batches if isinstance(b, Detections)]
+        return self.score(Detections.concatenate(boxes))
 
     def reset(self) -> None:
         """Forget what was added; truth and models stay."""
@@ -159,9 +163,7 @@ class Evaluator:
             self._check_kind(table, file or "the table")
         if table is None or not report.ok:
             raise FormatError([p for p in report.problems if p.severity == "error"])
-        provenance = Provenance(
-            file, digest, self._dataset_sha256, self.targets.file, __version__
-        )
+        provenance = Provenance(file, digest, self._dataset_sha256, self.targets.file, __version__)
         if isinstance(table, Detections):
             return self._score_detections(table, provenance)
         return self._score_poses(table, provenance)
@@ -193,7 +195,9 @@ class Evaluator:
         )
 
     def _score_detections(self, detections: Detections, provenance: Provenance) -> Evaluation:
-        from sixd.evaluation.detection2d import IouType, coco_breakdowns, coco_scores
+        from sixd.evaluation.coco_curves import IouType
+        from sixd.evaluation.coco_summary import coco_breakdowns
+        from sixd.evaluation.detection2d import coco_scores
 
         self._refuse_foreign(detections, provenance.results_file)
         iou_type: IouType = "segm" if self.protocol.kind == "segm" else "bbox"
@@ -216,7 +220,7 @@ class Evaluator:
         )
 
     def _common(self, provenance: Provenance) -> dict[str, Any]:
-        notes = ()
+        notes: tuple[str, ...] = ()
         left_out = [e.key for e in self.full_protocol.errors if e not in self.protocol.errors]
         if left_out:
             notes = (f"{', '.join(left_out)} was left out, so {self.protocol.score} is not given "
@@ -267,12 +271,12 @@ class Evaluator:
         needs: list[Need] = ["camera", "truth", "gt_info"]
         if self.protocol.needs_depth:
             needs.append("depth")
-        problems = self.dataset.preflight(scene_id, im_id, (), needs)
+        problems = find_missing(self.dataset, scene_id, im_id, (), needs)
         if not problems:
             self._truth = read_truth(self.dataset, scenes)
         obj_ids = self._objects(problems == [])
         none = scene_id[:0]
-        problems += self.dataset.preflight(none, none, obj_ids, ("models_info", "meshes"))
+        problems += find_missing(self.dataset, none, none, obj_ids, ("models_info", "meshes"))
         if problems:
             raise MissingDataError.of(problems)
         self._truth.require_images(scene_id, im_id)

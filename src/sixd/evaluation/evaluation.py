@@ -48,7 +48,7 @@ class Evaluation:
     scores: Mapping[str, float]
     breakdowns: Mapping[str, Breakdown]
     average_time_per_image: float
-    """Seconds, over the images that occur in the results, as the toolkit reports it; -1: unknown."""
+    """Seconds, over the images in the results, as the toolkit reports it; -1: unknown."""
     average_time_per_target_image: float
     """Seconds, over all target images; -1: unknown."""
     n_targets: int

@@ -10,7 +10,7 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 
-@njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@njit(nogil=True, cache=True)
 def match_greedily(
     first_pair: Ints,
     pair_truth: Ints,
@@ -31,9 +31,9 @@ def match_greedily(
                 best, best_error = -1, thresholds[level]
                 for pair in range(first_pair[estimate], first_pair[estimate + 1]):
                     truth = pair_truth[pair]
-                    if matchable[truth] and taken_at[truth] != this_pass:
-                        if errors[pair, column] < best_error:
-                            best, best_error = truth, errors[pair, column]
+                    is_free = matchable[truth] and taken_at[truth] != this_pass
+                    if is_free and errors[pair, column] < best_error:
+                        best, best_error = truth, errors[pair, column]
                 if best >= 0:
                     taken_at[best] = this_pass
                     matched[estimate, column, level] = best

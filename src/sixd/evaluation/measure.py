@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +19,12 @@ from sixd.evaluation.errors_table import (
     TruthRows,
     all_pairs,
 )
+from sixd.evaluation.prepared import PreparedModels
 from sixd.evaluation.protocol import EvalProtocol
 from sixd.evaluation.scores import table_column
 from sixd.evaluation.selection import Selection
 from sixd.geometry.pose import Pose
 from sixd.results.tables import PoseEstimates
-
-if TYPE_CHECKING:
-    from sixd.metrics.fast import VertexCells
-    from sixd.render.raster import RenderMesh
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -43,36 +39,11 @@ def no_progress(what: str, done: int, total: int) -> None:
     """Report nothing."""
 
 
-class Models:
-    """What the metrics prepare once per object; shared by all workers and all batches."""
-
-    def __init__(self, dataset: Dataset) -> None:
-        self.dataset = dataset
-        self._cells: dict[int, VertexCells] = {}
-        self._meshes: dict[int, RenderMesh] = {}
-
-    def cells(self, obj_id: int) -> VertexCells:
-        """Vertices ordered for MSSD and MSPD."""
-        from sixd.metrics.fast import VertexCells
-
-        if obj_id not in self._cells:
-            self._cells[obj_id] = VertexCells.build(self.dataset.model(obj_id).vertices_mm)
-        return self._cells[obj_id]
-
-    def mesh(self, obj_id: int) -> RenderMesh:
-        """Mesh ordered for rendering."""
-        from sixd.render import RenderMesh
-
-        if obj_id not in self._meshes:
-            self._meshes[obj_id] = RenderMesh.build(self.dataset.model(obj_id).mesh)
-        return self._meshes[obj_id]
-
-
 @dataclass(frozen=True)
 class _Job:
     """Everything the workers read. They write into disjoint rows of ``errors``."""
 
-    models: Models
+    models: PreparedModels
     protocol: EvalProtocol
     est: Pose
     """``(P,)`` the estimate of each pair."""
@@ -88,7 +59,7 @@ def measure(
     selection: Selection,
     estimates: PoseEstimates,
     truth: GroundTruth,
-    models: Models,
+    models: PreparedModels,
     protocol: EvalProtocol,
     *,
     workers: int = 1,

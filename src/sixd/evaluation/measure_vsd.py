@@ -18,7 +18,7 @@ from sixd.geometry.pose import Pose
 from sixd.results.tables import PoseEstimates
 
 if TYPE_CHECKING:
-    from sixd.evaluation.measure import Models
+    from sixd.evaluation.prepared import PreparedModels
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ class VsdTask:
 
     def __init__(
         self,
-        models: Models,
+        models: PreparedModels,
         protocol: EvalProtocol,
         selection: Selection,
         pairs: Pairs,

@@ -201,7 +201,11 @@ PROTOCOLS: dict[str, EvalProtocol] = {
             task="localization",
             statistic="auc",
             targets_file="test_targets_bop19.json",
-            errors=tuple(ErrorSpec(n, "mm", (100.0,)) for n in ("add", "adi", "ad")),  # type: ignore[arg-type]
+            errors=(
+                ErrorSpec("add", "mm", (100.0,)),
+                ErrorSpec("adi", "mm", (100.0,)),
+                ErrorSpec("ad", "mm", (100.0,)),
+            ),
             score="AUC",
             headline=("ad",),
             reach_check=False,

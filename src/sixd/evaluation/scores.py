@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,25 +60,21 @@ def normalised(table: ErrorTable, spec: ErrorSpec) -> Floats:
 
 def score(table: ErrorTable, protocol: EvalProtocol) -> Scores:
     """Score a table of errors (BOP rules 7 and 8). Milliseconds; call it as often as you like."""
-    statistic = {"recall": _Recall, "average-precision": _Precision, "auc": _Auc}[
-        protocol.statistic
-    ]
-    scored = {e.key: statistic(table, e) for e in protocol.errors}
+    statistic = STATISTICS[protocol.statistic]
+    scored = {spec.key: statistic(table, spec) for spec in protocol.errors}
     prefix = PREFIX[protocol.statistic]
-    groups = table.groups
     values: dict[str, float] = {}
     for key, one in scored.items():
         values[f"{prefix}_{key}"] = one.overall(protocol.average_over)
-        if protocol.average_over == "instances" and protocol.statistic == "auc":
+        if protocol.statistic == "auc":
             values[f"{prefix}_{key}_object_mean"] = one.overall("objects")
-    values = with_headline(values, protocol)
     breakdowns = {
-        "object": _by_part(table, scored, protocol, "obj_id", groups.obj_id),
-        "scene": _by_part(table, scored, protocol, "scene_id", groups.scene_id),
+        "object": _by_part(table, scored, protocol, "object"),
+        "scene": _by_part(table, scored, protocol, "scene"),
         "threshold": _by_threshold(scored, protocol),
         "visibility": _by_visibility(table, scored),
     }
-    return Scores(values, breakdowns)
+    return Scores(with_headline(values, protocol), breakdowns)
 
 
 def with_headline(values: Mapping[str, float], protocol: EvalProtocol) -> dict[str, float]:
@@ -92,67 +90,84 @@ class _Matched:
 
     def __init__(self, table: ErrorTable, spec: ErrorSpec) -> None:
         self.table, self.spec = table, spec
-        errors = normalised(table, spec)
-        self.thresholds = np.asarray(spec.thresholds)
-        self.matched = match(table, errors, self.thresholds)
-        self.flat = self.matched.reshape(-1, errors.shape[1] * len(spec.thresholds))
+        self.errors = normalised(table, spec)
+        matched = match(table, self.errors, np.asarray(spec.thresholds))
+        self.flat = matched.reshape(-1, self.errors.shape[1] * len(spec.thresholds))
         """``(E, C * L)``"""
         self.counts = np.append(table.truths.counted, False)[self.flat]  # -1 is the appended one
         self.is_ignored = (self.flat >= 0) & ~self.counts
+        self.objects, self.object_of_group = _numbered(table.groups.obj_id)
+        self.scenes, self.scene_of_group = _numbered(table.groups.scene_id)
 
     def found_fraction(self) -> Floats:
         """``(T,)`` share of thresholds at which each instance is found."""
         found = np.bincount(self.flat[self.counts], minlength=len(self.table.truths.group))
-        share: Floats = found / self.flat.shape[1]
-        return share
+        return np.asarray(found / self.flat.shape[1], np.float64)
+
+    def of_parts(self, part: Ints, n_parts: int) -> Floats:
+        """``(n_parts, C * L)`` score of each part of the groups; NaN where nothing is wanted."""
+        raise NotImplementedError
+
+    def of_objects(self) -> Floats:
+        """``(O, C * L)``."""
+        return self.of_parts(self.object_of_group, len(self.objects))
+
+    def of_scenes(self) -> Floats:
+        """``(S, C * L)``."""
+        return self.of_parts(self.scene_of_group, len(self.scenes))
+
+    def of_all(self) -> Floats:
+        """``(C * L,)``."""
+        pooled: Floats = self.of_parts(np.zeros_like(self.object_of_group), 1)[0]
+        return pooled
+
+    def overall(self, average_over: str) -> float:
+        """The mean over thresholds, pooled or averaged over objects."""
+        if average_over == "objects":
+            return mean_of_known(self.of_objects().mean(axis=1))
+        return mean_of_known(self.of_all())
 
 
 class _Recall(_Matched):
-    """Found instances over instances to be found, pooled over the dataset."""
+    """Found instances over instances to be found, pooled over the part."""
 
-    def levels(self, part: Ints, n_parts: int) -> Floats:
-        """``(n_parts, C * L)`` recall of each part of the groups; NaN where nothing is wanted."""
-        table = self.table
-        n_wanted = np.bincount(part, weights=table.groups.n_wanted, minlength=n_parts)
-        n_found = np.zeros((n_parts, self.flat.shape[1]))
-        np.add.at(n_found, part[table.estimates.group], self.counts)
+    def of_parts(self, part: Ints, n_parts: int) -> Floats:
+        groups, estimates = self.table.groups, self.table.estimates
+        n_wanted = np.bincount(part, weights=groups.n_wanted, minlength=n_parts)
+        estimate, level = np.nonzero(self.counts)
+        n_levels = self.flat.shape[1]
+        cell = part[estimates.group[estimate]] * n_levels + level
+        n_found = np.bincount(cell, minlength=n_parts * n_levels).reshape(n_parts, n_levels)
         with np.errstate(invalid="ignore", divide="ignore"):
             levels: Floats = np.where(n_wanted > 0, n_found.T / n_wanted, np.nan).T
         return levels
-
-    def overall_levels(self) -> Floats:
-        return self.levels(np.zeros(len(self.table.groups.obj_id), np.int64), 1)[0]
-
-    def overall(self, average_over: str) -> float:
-        if average_over == "objects":
-            objects, part = np.unique(self.table.groups.obj_id, return_inverse=True)
-            return mean_of_known(self.levels(part, len(objects)).mean(axis=1))
-        return mean_of_known(self.overall_levels())
 
 
 class _Precision(_Matched):
     """Average precision of each object, averaged over the objects that have targets."""
 
-    def __init__(self, table: ErrorTable, spec: ErrorSpec) -> None:
-        super().__init__(table, spec)
-        objects, part = np.unique(table.groups.obj_id, return_inverse=True)
-        self.object_levels = self._objects_of(part.astype(np.int64), len(objects))
+    def of_parts(self, part: Ints, n_parts: int) -> Floats:
+        cells = part * len(self.objects) + self.object_of_group
+        levels = self._of_single_objects(cells, n_parts * len(self.objects))
+        return mean_known_rows(levels.reshape(n_parts, len(self.objects), -1))
 
-    def levels(self, part: Ints, n_parts: int) -> Floats:
-        """``(n_parts, C * L)`` AP within each part: mean over its objects that have targets."""
-        obj_id = self.table.groups.obj_id
-        objects, obj = np.unique(obj_id, return_inverse=True)
-        cells = self._objects_of(part * len(objects) + obj, n_parts * len(objects))
-        return mean_known_rows(cells.reshape(n_parts, len(objects), -1))
+    def of_objects(self) -> Floats:
+        objects: Floats = self._objects
+        return objects
 
-    def overall_levels(self) -> Floats:
-        return mean_known_rows(self.object_levels[None])[0]
+    def of_scenes(self) -> Floats:
+        return super().of_scenes() if len(self.scenes) > 1 else self.of_all()[None]
 
-    def overall(self, average_over: str) -> float:
-        return mean_of_known(self.object_levels.mean(axis=1))
+    def of_all(self) -> Floats:
+        mean: Floats = mean_known_rows(self._objects[None])[0]
+        return mean
 
-    def _objects_of(self, part: Ints, n_parts: int) -> Floats:
-        """``(n_parts, C * L)`` AP of one object in each part; NaN where it has no targets."""
+    @cached_property
+    def _objects(self) -> Floats:
+        return self._of_single_objects(self.object_of_group, len(self.objects))
+
+    def _of_single_objects(self, part: Ints, n_parts: int) -> Floats:
+        """`of_parts` for parts of which each holds one object."""
         table = self.table
         n_wanted = np.bincount(part, weights=table.groups.n_wanted, minlength=n_parts)
         estimate_part = part[table.estimates.group]
@@ -168,36 +183,38 @@ class _Precision(_Matched):
 class _Auc(_Matched):
     """Area under accuracy against threshold, from 0 to the one threshold of the error."""
 
-    def __init__(self, table: ErrorTable, spec: ErrorSpec) -> None:
-        super().__init__(table, spec)
-        errors = normalised(table, spec)
-        any_match = match(table, errors, np.array([np.inf]))[:, 0, 0]
-        self.error_of_truth = np.full(len(table.truths.group), np.inf)
-        chosen = any_match[table.pairs.estimate] == table.pairs.truth
-        self.error_of_truth[table.pairs.truth[chosen]] = errors[chosen, 0]
-
-    def levels(self, part: Ints, n_parts: int) -> Floats:
-        """``(n_parts, 1)`` area of each part."""
+    def of_parts(self, part: Ints, n_parts: int) -> Floats:
         from sixd.metrics.reference import auc
 
-        wanted = self.table.truths.counted
-        truth_part = part[self.table.truths.group]
-        areas = [
-            auc(self.error_of_truth[wanted & (truth_part == p)], self.thresholds[0])
-            if (wanted & (truth_part == p)).any()
-            else np.nan
-            for p in range(n_parts)
-        ]
-        return np.array(areas).reshape(n_parts, 1)
+        wanted, part_of_truth = self.table.truths.counted, part[self.table.truths.group]
+        areas = np.full((n_parts, 1), np.nan)
+        for p in range(n_parts):
+            errors = self._error_of_truth[wanted & (part_of_truth == p)]
+            if len(errors):
+                areas[p] = auc(errors, self.spec.thresholds[0])
+        return areas
 
-    def overall_levels(self) -> Floats:
-        return self.levels(np.zeros(len(self.table.groups.obj_id), np.int64), 1)[0]
+    @cached_property
+    def _error_of_truth(self) -> Floats:
+        """``(T,)`` error of the estimate that found each instance, whatever it is."""
+        table = self.table
+        matched = match(table, self.errors, np.array([np.inf]))[:, 0, 0]
+        chosen = matched[table.pairs.estimate] == table.pairs.truth
+        errors = np.full(len(table.truths.group), np.inf)
+        errors[table.pairs.truth[chosen]] = self.errors[chosen, 0]
+        return errors
 
-    def overall(self, average_over: str) -> float:
-        if average_over == "objects":
-            objects, part = np.unique(self.table.groups.obj_id, return_inverse=True)
-            return mean_of_known(self.levels(part.astype(np.int64), len(objects))[:, 0])
-        return mean_of_known(self.overall_levels())
+
+STATISTICS: Mapping[str, type[_Matched]] = {
+    "recall": _Recall,
+    "average-precision": _Precision,
+    "auc": _Auc,
+}
+
+
+def _numbered(keys: Ints) -> tuple[Ints, Ints]:
+    values, number = np.unique(keys, return_inverse=True)
+    return values, number.astype(np.int64)
 
 
 def average_precision(
@@ -243,39 +260,38 @@ def mean_known_rows(cells: Floats) -> Floats:
 
 def _by_part(
     table: ErrorTable,
-    scored: Mapping[str, _Recall | _Precision | _Auc],
+    scored: Mapping[str, _Matched],
     protocol: EvalProtocol,
-    key_name: str,
-    keys: Ints,
+    by: Literal["object", "scene"],
 ) -> Breakdown:
-    parts, part = np.unique(keys, return_inverse=True)
-    part, n = part.astype(np.int64), len(parts)
+    key_name = "obj_id" if by == "object" else "scene_id"
+    parts, part = _numbered(getattr(table.groups, key_name))
+    n = len(parts)
+    n_wanted = np.bincount(part, weights=table.groups.n_wanted, minlength=n)
     columns: dict[str, NDArray[np.generic]] = {
         key_name: parts,
-        "n_targets": np.bincount(part, weights=table.groups.n_wanted, minlength=n).astype(int),
+        "n_targets": n_wanted.astype(np.int64),
         "n_estimates": np.bincount(part[table.estimates.group], minlength=n),
     }
     prefix = PREFIX[protocol.statistic]
-    by_error = {k: one.levels(part, n).mean(axis=1) for k, one in scored.items()}
+    by_error = {
+        key: (one.of_objects() if by == "object" else one.of_scenes()).mean(axis=1)
+        for key, one in scored.items()
+    }
     if protocol.headline and all(h in by_error for h in protocol.headline):
         columns[protocol.score] = np.mean([by_error[h] for h in protocol.headline], axis=0)
-    columns |= {f"{prefix}_{k}": v for k, v in by_error.items()}
-    return Breakdown(key_name.removesuffix("_id").replace("obj", "object"), columns)
+    columns |= {f"{prefix}_{key}": values for key, values in by_error.items()}
+    return Breakdown(by, columns)
 
 
-def _by_threshold(
-    scored: Mapping[str, _Recall | _Precision | _Auc], protocol: EvalProtocol
-) -> Breakdown:
+def _by_threshold(scored: Mapping[str, _Matched], protocol: EvalProtocol) -> Breakdown:
     rows: list[tuple[str, float, float, str, float]] = []
     for key, one in scored.items():
         spec = one.spec
-        taus = spec.taus or (np.nan,)
-        places = [(tau, th) for tau in taus for th in spec.thresholds]
-        rows += [
-            (key, tau, th, spec.unit, float(v))
-            for (tau, th), v in zip(places, one.overall_levels(), strict=True)
-        ]
-    error, tau, threshold, unit, value = zip(*rows, strict=True) if rows else ((),) * 5
+        places = [(tau, th) for tau in spec.taus or (np.nan,) for th in spec.thresholds]
+        values = one.of_all().tolist()
+        rows += [(key, tau, th, spec.unit, v) for (tau, th), v in zip(places, values, strict=True)]
+    error, tau, threshold, unit, value = zip(*rows, strict=True)
     name = {"recall": "recall", "average-precision": "AP", "auc": "AUC"}[protocol.statistic]
     return Breakdown(
         "threshold",
@@ -289,9 +305,7 @@ def _by_threshold(
     )
 
 
-def _by_visibility(
-    table: ErrorTable, scored: Mapping[str, _Recall | _Precision | _Auc]
-) -> Breakdown:
+def _by_visibility(table: ErrorTable, scored: Mapping[str, _Matched]) -> Breakdown:
     """Recall by visible fraction: precision has no visibility, since false poses have none."""
     counted = table.truths.counted
     n_bins = len(VISIBILITY_EDGES) - 1
@@ -303,9 +317,7 @@ def _by_visibility(
         "n_targets": n_targets,
     }
     for key, one in scored.items():
-        found = np.bincount(
-            which[counted], weights=one.found_fraction()[counted], minlength=n_bins
-        )
+        found = np.bincount(which[counted], weights=one.found_fraction()[counted], minlength=n_bins)
         with np.errstate(invalid="ignore"):
             columns[f"recall_{key}"] = np.where(n_targets > 0, found / n_targets, np.nan)
     return Breakdown("visibility", columns)

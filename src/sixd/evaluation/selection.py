@@ -1,4 +1,4 @@
-"""Which estimates and which instances count: the benchmark's rules, before any error is measured."""
+"""Which estimates and which instances count: the rules that come before any error."""
 
 from __future__ import annotations
 

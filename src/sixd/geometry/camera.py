@@ -225,7 +225,7 @@ def camera_from_bop(entry: Mapping[str, Any], *, file: str = "") -> Camera:
             file, "cam_model", "not an object", "an object with projection_model_type", repr(model)
         )
     name = model.get("projection_model_type")
-    if name not in _CAM_MODELS:
+    if not isinstance(name, str) or name not in _CAM_MODELS:
         known = ", ".join(sorted(_CAM_MODELS))
         _fail(
             file,

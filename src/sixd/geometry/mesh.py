@@ -17,7 +17,8 @@ from sixd.errors import (
     UsageError,
     check_shape,
 )
-from sixd.geometry.ply import Columns, read_ply, write_columns
+from sixd.geometry.ply import Columns, read_ply
+from sixd.geometry.ply_writing import write_columns
 from sixd.geometry.pose import Floats
 
 
@@ -169,9 +170,11 @@ def _hull_vertices(centred_mm: Floats) -> Floats:
         along = centred_mm @ directions[0]
         return centred_mm[[int(along.argmin()), int(along.argmax())]]
     try:
-        return centred_mm[ConvexHull(centred_mm @ directions[:rank].T).vertices]
+        ends = ConvexHull(centred_mm @ directions[:rank].T).vertices
     except QhullError:
         return centred_mm
+    hull: Floats = centred_mm[ends]
+    return hull
 
 
 def _fail(path: Path, what: str, expected: str, got: str) -> NoReturn:
@@ -233,7 +236,7 @@ def _read_with_trimesh(path: Path) -> Mesh:
 
     try:
         # process=False: merging vertices would change ADD, their mean.
-        loaded = trimesh.load(path, force="mesh", process=False, maintain_order=True)
+        loaded: Any = trimesh.load(path, force="mesh", process=False, maintain_order=True)
         vertices = np.array(loaded.vertices, np.float64).reshape(-1, 3)
         faces = np.array(loaded.faces, np.int64).reshape(-1, 3)
         kind = loaded.visual.kind

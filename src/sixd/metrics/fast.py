@@ -82,7 +82,8 @@ def mspd_fisheye624(
     sym = _matrices(symmetries)
 
     def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
-        mspd_fisheye_pairs(est, gt, sym, params[rows], points, len(probes), out)
+        work = np.zeros(len(sym)), np.zeros((len(points), 2)), np.zeros(12)
+        mspd_fisheye_pairs(est, gt, sym, params[rows], points, len(probes), *work, out)
 
     return _run(kernel, est, gt, workers)
 
@@ -144,7 +145,8 @@ def adi(est: Pose, gt: Pose, cells: VertexCells, *, workers: int = 1) -> Floats:
     points = np.ascontiguousarray(cells.points_mm.T)
 
     def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
-        kernels.adi_pairs(est, gt, points, cells.groups, cells.leaves_mm, out)
+        work = points.copy(), cells.groups.copy(), cells.leaves_mm.copy(), *_scratch(cells)
+        kernels.adi_pairs(est, gt, points, cells.groups, cells.leaves_mm, *work, out)
 
     return _run(kernel, est, gt, workers)
 
@@ -159,8 +161,9 @@ def _symmetric_max(
 
     def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
         if K is not None:
-            est, gt = K[rows] @ est, K[rows] @ gt
-        kernels.symmetric_max_pairs(est, gt, sym, probes, moved, *tree, K is not None, out)
+            est, gt = _times(K[rows], est), _times(K[rows], gt)
+        work = np.zeros(len(sym)), *_scratch(cells)
+        kernels.symmetric_max_pairs(est, gt, sym, probes, moved, *tree, K is not None, *work, out)
 
     return _run(kernel, est, gt, workers)
 
@@ -178,8 +181,9 @@ def _mean(
 
     def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
         if K is not None:
-            est, gt = K[rows] @ est, K[rows] @ gt
-        kernels.mean_pairs(est, gt, sym, points, K is not None, out)
+            est, gt = _times(K[rows], est), _times(K[rows], gt)
+        work = np.zeros(12), np.zeros(points.shape[1])
+        kernels.mean_pairs(est, gt, sym, points, K is not None, *work, out)
 
     return _run(kernel, est, gt, workers)
 
@@ -194,7 +198,7 @@ def _run(kernel: _Kernel, est: Pose, gt: Pose, workers: int) -> Floats:
             f"est and gt must have one batch shape (N,), got {est.batch_shape} and {gt.batch_shape}"
         )
     est_rows, gt_rows = _matrices(est), _matrices(gt)
-    finite = np.isfinite(est_rows).all(axis=(1, 2)) & np.isfinite(gt_rows).all(axis=(1, 2))
+    finite = np.isfinite(est_rows).all(axis=1) & np.isfinite(gt_rows).all(axis=1)
     errors = np.full(len(est), np.inf)
 
     def work(rows: NDArray[np.intp]) -> None:
@@ -212,9 +216,18 @@ def _run(kernel: _Kernel, est: Pose, gt: Pose, workers: int) -> Floats:
 
 
 def _matrices(poses: Pose) -> Floats:
-    """``(N, 3, 4)`` float64, C-contiguous."""
+    """``(N, 12)`` float64: [R | t], row by row."""
     stacked = np.concatenate([poses.R, poses.t_mm[..., None]], axis=-1)
-    return np.ascontiguousarray(stacked, np.float64)
+    return np.ascontiguousarray(stacked.reshape(-1, 12), np.float64)
+
+
+def _times(K: Floats, rows: Floats) -> Floats:
+    """K [R | t], ``(N, 12)``."""
+    return (K @ rows.reshape(-1, 3, 4)).reshape(-1, 12)
+
+
+def _scratch(cells: VertexCells) -> tuple[Floats, NDArray[np.int64]]:
+    return np.zeros((5, max(128, cells.leaves_mm.shape[2]))), np.zeros(128, np.int64)
 
 
 def _probes(cells: VertexCells, symmetries: Pose) -> Floats:

@@ -16,9 +16,9 @@ _compiled = njit(nogil=True, cache=True, error_model="numpy")
 @_compiled
 def _project(P, x, y, z, c):
     """Pixel of a posed vertex; c ``(16,)``, the equations of `sixd.geometry.Fisheye624Camera`."""
-    X = P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]
-    Y = P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]
-    Z = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
+    X = P[0] * x + P[1] * y + P[2] * z + P[3]
+    Y = P[4] * x + P[5] * y + P[6] * z + P[7]
+    Z = P[8] * x + P[9] * y + P[10] * z + P[11]
     radius = math.sqrt(X * X + Y * Y)
     angle = math.atan2(radius, Z)
     t = min(angle * angle, math.pi * math.pi)
@@ -38,15 +38,13 @@ def _squared(u, v):
 
 
 @_compiled
-def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, out):
+def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, bounds2, pixels, G, out):
     """MSPD of each pair, px.
 
-    est, gt ``(N, 3, 4)``; sym ``(S, 3, 4)``; params ``(N, 16)``; points ``(V, 3)``, the first
+    est, gt ``(N, 12)``; sym ``(S, 12)``; params ``(N, 16)``; points ``(V, 3)``, the first
     ``n_probes`` being looked at under every symmetry, to begin with the likeliest; out ``(N,)``.
+    Working memory: bounds2 ``(S,)``, pixels ``(V, 2)``, G ``(12,)``.
     """
-    G = np.zeros((3, 4))
-    bounds2 = np.zeros(len(sym))
-    pixels = np.zeros((len(points), 2))
     witness = 0
     for i in range(len(out)):
         camera = params[i]

@@ -1,10 +1,10 @@
 """Compiled loops over pairs of poses. Call them through `sixd.metrics.fast`: importing costs.
 
-Poses are ``(3, 4)`` matrices [R | t], or K [R | t] where errors are in pixels. The largest error
-over the vertices is searched in the tree of `VertexCells`, branch and bound: a cell whose upper
-bound is below the largest error seen is left out. The smallest over the symmetries likewise: one
-that exceeds the best at any vertex is left out. The result is the exact maximum and minimum of the
-rounded errors.
+Poses are the 12 entries of [R | t], row by row, or of K [R | t] where errors are in pixels. The
+largest error over the vertices is searched in the tree of `VertexCells`, branch and bound: a cell
+whose upper bound is below the largest error seen is left out. The smallest over the symmetries
+likewise: one that exceeds the best at any vertex is left out. What comes out is the exact maximum
+and minimum of the rounded errors.
 """
 
 # mypy: allow-untyped-defs
@@ -22,25 +22,38 @@ _UP = 1 + 1e-9
 
 
 @_compiled
+def _entries(P):
+    """The 12 entries of a pose as a tuple: cheap to compile, and LLVM keeps it in registers."""
+    return P[0], P[1], P[2], P[3], P[4], P[5], P[6], P[7], P[8], P[9], P[10], P[11]
+
+
+@_compiled
 def _defect(P):
-    """Frobenius norm of R^T R - 1: zero for a rotation, and a bound on its distance from one."""
+    """Frobenius norm of R^T R - 1, which bounds the way to the nearest rotation.
+
+    Infinite for mirrored poses: their nearest orthogonal matrix is no rotation.
+    """
+    a, b, c, _, d, e, f, _, g, h, i, _ = _entries(P)
+    if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) <= 0.0:
+        return np.inf
     total = 0.0
-    for i in range(3):
-        for j in range(3):
-            gram = P[0, i] * P[0, j] + P[1, i] * P[1, j] + P[2, i] * P[2, j]
-            gap = gram - (1.0 if i == j else 0.0)
+    for j in range(3):
+        for k in range(3):
+            gap = P[j] * P[k] + P[4 + j] * P[4 + k] + P[8 + j] * P[8 + k]
+            if j == k:
+                gap -= 1.0
             total += gap * gap
     return math.sqrt(total)
 
 
 @_compiled
-def _norm2(E, G, defect):
-    """A bound on the squared norm of the difference of two matrices, ``defect`` from rotations."""
+def _norm2(P, Q, defect):
+    """A bound on |R_p - R_q|^2, the rotations being ``defect`` from true ones."""
     total = 0.0
-    for r in range(3):
-        for c in range(3):
-            total += (E[r, c] - G[r, c]) * (E[r, c] - G[r, c])
-    if defect > 0.01:
+    for k in range(12):
+        if k % 4 != 3:
+            total += (P[k] - Q[k]) * (P[k] - Q[k])
+    if not defect < 0.01:
         return total
     # A difference of two rotations has two equal singular values and a zero.
     norm = math.sqrt(0.5 * total) + 3.0 * defect
@@ -49,22 +62,24 @@ def _norm2(E, G, defect):
 
 @_compiled
 def _compose(P, Q, out):
-    """Write P Q to out, for (3, 4) matrices, Q rigid."""
-    for r in range(3):
+    """Write P Q to out, as if all were 4x4 with last row 0 0 0 1."""
+    for r in range(0, 12, 4):
         for c in range(4):
-            out[r, c] = P[r, 0] * Q[0, c] + P[r, 1] * Q[1, c] + P[r, 2] * Q[2, c]
-        out[r, 3] += P[r, 3]
+            out[r + c] = P[r] * Q[c] + P[r + 1] * Q[4 + c] + P[r + 2] * Q[8 + c]
+        out[r + 3] += P[r + 3]
 
 
 @_compiled
 def _gap2(E, G, x, y, z, in_pixels):
     """Squared distance of one vertex under two poses; infinite if it has no projection."""
-    ex = E[0, 0] * x + E[0, 1] * y + E[0, 2] * z + E[0, 3]
-    ey = E[1, 0] * x + E[1, 1] * y + E[1, 2] * z + E[1, 3]
-    ez = E[2, 0] * x + E[2, 1] * y + E[2, 2] * z + E[2, 3]
-    gx = G[0, 0] * x + G[0, 1] * y + G[0, 2] * z + G[0, 3]
-    gy = G[1, 0] * x + G[1, 1] * y + G[1, 2] * z + G[1, 3]
-    gz = G[2, 0] * x + G[2, 1] * y + G[2, 2] * z + G[2, 3]
+    e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
+    g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
+    ex = e00 * x + e01 * y + e02 * z + e03
+    ey = e10 * x + e11 * y + e12 * z + e13
+    ez = e20 * x + e21 * y + e22 * z + e23
+    gx = g00 * x + g01 * y + g02 * z + g03
+    gy = g10 * x + g11 * y + g12 * z + g13
+    gz = g20 * x + g21 * y + g22 * z + g23
     if not in_pixels:
         dx, dy, dz = ex - gx, ey - gy, ez - gz
         gap2 = dx * dx + dy * dy + dz * dz
@@ -80,13 +95,12 @@ def _probe(E, G, probe, moved, in_pixels, bounds2):
 
     moved ``(3, S)``: the vertex under every symmetry.
     """
+    e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
+    g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
     x, y, z = probe[0], probe[1], probe[2]
-    ex = E[0, 0] * x + E[0, 1] * y + E[0, 2] * z + E[0, 3]
-    ey = E[1, 0] * x + E[1, 1] * y + E[1, 2] * z + E[1, 3]
-    ez = E[2, 0] * x + E[2, 1] * y + E[2, 2] * z + E[2, 3]
-    g00, g01, g02, g03 = G[0, 0], G[0, 1], G[0, 2], G[0, 3]
-    g10, g11, g12, g13 = G[1, 0], G[1, 1], G[1, 2], G[1, 3]
-    g20, g21, g22, g23 = G[2, 0], G[2, 1], G[2, 2], G[2, 3]
+    ex = e00 * x + e01 * y + e02 * z + e03
+    ey = e10 * x + e11 * y + e12 * z + e13
+    ez = e20 * x + e21 * y + e22 * z + e23
     xs, ys, zs = moved[0], moved[1], moved[2]
     if in_pixels:
         u, v = ex / ez, ey / ez
@@ -109,9 +123,11 @@ def _probe(E, G, probe, moved, in_pixels, bounds2):
 @_compiled
 def _cell_bounds_mm(E, G, norm2, group, distance2, bound2):
     """Squared error at the centre of 8 cells, and the most it can be within each."""
-    a00, a01, a02, b0 = E[0, 0] - G[0, 0], E[0, 1] - G[0, 1], E[0, 2] - G[0, 2], E[0, 3] - G[0, 3]
-    a10, a11, a12, b1 = E[1, 0] - G[1, 0], E[1, 1] - G[1, 1], E[1, 2] - G[1, 2], E[1, 3] - G[1, 3]
-    a20, a21, a22, b2 = E[2, 0] - G[2, 0], E[2, 1] - G[2, 1], E[2, 2] - G[2, 2], E[2, 3] - G[2, 3]
+    e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
+    g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
+    a00, a01, a02, b0 = e00 - g00, e01 - g01, e02 - g02, e03 - g03
+    a10, a11, a12, b1 = e10 - g10, e11 - g11, e12 - g12, e13 - g13
+    a20, a21, a22, b2 = e20 - g20, e21 - g21, e22 - g22, e23 - g23
     xs, ys, zs, radius = group[0], group[1], group[2], group[3]
     nx, ny, nz, thickness = group[4], group[5], group[6], group[7]
     for k in range(len(xs)):  # eight; a constant would keep LLVM from vectorising
@@ -139,12 +155,8 @@ def _cell_bounds_px(E, G, group, distance2, bound2):
     |M| r q / (1 - q), q = |p| r / |h|, of each. A cell that reaches the camera's plane (q >= 1)
     has no bound.
     """
-    e00, e01, e02, e03 = E[0, 0], E[0, 1], E[0, 2], E[0, 3]
-    e10, e11, e12, e13 = E[1, 0], E[1, 1], E[1, 2], E[1, 3]
-    e20, e21, e22, e23 = E[2, 0], E[2, 1], E[2, 2], E[2, 3]
-    g00, g01, g02, g03 = G[0, 0], G[0, 1], G[0, 2], G[0, 3]
-    g10, g11, g12, g13 = G[1, 0], G[1, 1], G[1, 2], G[1, 3]
-    g20, g21, g22, g23 = G[2, 0], G[2, 1], G[2, 2], G[2, 3]
+    e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
+    g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
     reach_e = math.sqrt(e20 * e20 + e21 * e21 + e22 * e22)
     reach_g = math.sqrt(g20 * g20 + g21 * g21 + g22 * g22)
     xs, ys, zs, radius = group[0], group[1], group[2], group[3]
@@ -183,12 +195,8 @@ def _cell_bounds_px(E, G, group, distance2, bound2):
 @_compiled
 def _leaf_gaps(E, G, leaf, in_pixels, distance2):
     """Squared errors of all vertices of a leaf."""
-    e00, e01, e02, e03 = E[0, 0], E[0, 1], E[0, 2], E[0, 3]
-    e10, e11, e12, e13 = E[1, 0], E[1, 1], E[1, 2], E[1, 3]
-    e20, e21, e22, e23 = E[2, 0], E[2, 1], E[2, 2], E[2, 3]
-    g00, g01, g02, g03 = G[0, 0], G[0, 1], G[0, 2], G[0, 3]
-    g10, g11, g12, g13 = G[1, 0], G[1, 1], G[1, 2], G[1, 3]
-    g20, g21, g22, g23 = G[2, 0], G[2, 1], G[2, 2], G[2, 3]
+    e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
+    g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
     xs, ys, zs = leaf[0], leaf[1], leaf[2]
     if in_pixels:
         for k in range(len(xs)):
@@ -270,64 +278,66 @@ def _largest_gap2(E, G, norm2, in_pixels, groups, leaves, stop2, rows, stack, wi
 
 
 @_compiled
-def symmetric_max_pairs(est, gt, sym, probes, moved, groups, leaves, in_pixels, out):
+def symmetric_max_pairs(
+    est, gt, sym, probes, moved, groups, leaves, in_pixels, bounds2, rows, stack, out
+):
     """MSSD or MSPD of each pair: min over symmetries of max over vertices.
 
-    est, gt ``(N, 3, 4)``; sym ``(S, 3, 4)``; probes ``(P, 3)`` are vertices, moved ``(P, 3, S)``
-    the same under every symmetry; groups and leaves of `VertexCells`; out ``(N,)``.
+    est, gt ``(N, 12)``; sym ``(S, 12)``; probes ``(P, 3)`` are vertices, moved ``(P, 3, S)`` the
+    same under every symmetry; groups and leaves of `VertexCells`; out ``(N,)``. Working memory,
+    since allocating here would double the time to compile: bounds2 ``(S,)``, rows
+    ``(5, max(128, M))``, stack ``(128,)`` int64.
     """
     n_sym = len(sym)
-    G = np.zeros((3, 4))
-    bounds2 = np.zeros(n_sym)
-    rows = np.zeros((3, max(128, leaves.shape[2])))
-    stack = np.zeros(128, np.int64)
-    witness = np.zeros(3)
+    witness, moved_gt = rows[3], rows[4]
     for r in range(3):
         witness[r] = leaves[0, r, 0]
     defect_sym = 0.0
     for s in range(n_sym):
         defect_sym = max(defect_sym, _defect(sym[s]))
     for i in range(len(out)):
-        E = est[i]
+        E, G = _entries(est[i]), _entries(gt[i])
         for s in range(n_sym):
             bounds2[s] = 0.0
         for p in range(len(probes)):
-            _probe(E, gt[i], probes[p], moved[p], in_pixels, bounds2)
+            _probe(E, G, probes[p], moved[p], in_pixels, bounds2)
         start = 0
         for s in range(n_sym):
             if bounds2[s] < bounds2[start]:
                 start = s
-        defect = 0.0 if in_pixels else _defect(E) + _defect(gt[i]) + defect_sym
+        defect = 0.0 if in_pixels else _defect(est[i]) + _defect(gt[i]) + defect_sym
         best2 = np.inf
-        for k in range(n_sym):
-            s = start if k == 0 else (k - 1 if k <= start else k)
-            if bounds2[s] >= best2:
-                continue
-            _compose(gt[i], sym[s], G)
-            # The vertex that decided last time often decides again.
-            if _gap2(E, G, witness[0], witness[1], witness[2], in_pixels) >= best2:
-                continue
-            norm2 = 0.0 if in_pixels else _norm2(E, G, defect)
-            found2 = _largest_gap2(
-                E, G, norm2, in_pixels, groups, leaves, best2, rows, stack, witness
-            )
-            best2 = min(best2, found2)
+        # First the likeliest symmetry, then every eighth, to come near the best soon; then all.
+        for step in (n_sym, 8, 1):
+            for s in range(start if step == n_sym else 0, n_sym, step):
+                if bounds2[s] >= best2:
+                    continue
+                bounds2[s] = np.inf  # done with
+                _compose(gt[i], sym[s], moved_gt)
+                G = _entries(moved_gt)
+                # The vertex that decided last time often decides again.
+                if _gap2(E, G, witness[0], witness[1], witness[2], in_pixels) >= best2:
+                    continue
+                norm2 = 0.0 if in_pixels else _norm2(est[i], moved_gt, defect)
+                found2 = _largest_gap2(
+                    E, G, norm2, in_pixels, groups, leaves, best2, rows, stack, witness
+                )
+                best2 = min(best2, found2)
         out[i] = math.sqrt(best2)
 
 
 @_compiled
-def mean_pairs(est, gt, sym, points, in_pixels, out):
+def mean_pairs(est, gt, sym, points, in_pixels, moved_gt, distance2, out):
     """ADD or the projection error of each pair: min over symmetries of the mean over vertices.
 
-    est, gt ``(N, 3, 4)``; sym ``(S, 3, 4)``; points ``(3, V)``; out ``(N,)``.
+    est, gt ``(N, 12)``; sym ``(S, 12)``; points ``(3, V)``; out ``(N,)``. Working memory:
+    moved_gt ``(12,)``, distance2 ``(V,)``.
     """
-    G = np.zeros((3, 4))
-    distance2 = np.zeros(points.shape[1])
     for i in range(len(out)):
         out[i] = np.inf
         for s in range(len(sym)):
-            _compose(gt[i], sym[s], G)
-            _leaf_gaps(est[i], G, points, in_pixels, distance2)
+            _compose(gt[i], sym[s], moved_gt)
+            _leaf_gaps(_entries(est[i]), _entries(moved_gt), points, in_pixels, distance2)
             total = 0.0
             for k in range(len(distance2)):
                 total += math.sqrt(distance2[k])
@@ -338,9 +348,7 @@ def mean_pairs(est, gt, sym, points, in_pixels, out):
 @_compiled
 def _pose_rows(P, rows, out):
     """Write the ``(3, M)`` columns of rows to out, posed."""
-    p00, p01, p02, p03 = P[0, 0], P[0, 1], P[0, 2], P[0, 3]
-    p10, p11, p12, p13 = P[1, 0], P[1, 1], P[1, 2], P[1, 3]
-    p20, p21, p22, p23 = P[2, 0], P[2, 1], P[2, 2], P[2, 3]
+    p00, p01, p02, p03, p10, p11, p12, p13, p20, p21, p22, p23 = _entries(P)
     xs, ys, zs = rows[0], rows[1], rows[2]
     for k in range(len(xs)):
         out[0, k] = p00 * xs[k] + p01 * ys[k] + p02 * zs[k] + p03
@@ -393,31 +401,35 @@ def _nearest_gap2(x, y, z, groups, reach, leaves, rows, stack, near):
 
 
 @_compiled
-def adi_pairs(est, gt, points, groups, leaves, out):
+def adi_pairs(
+    est, gt, points, groups, leaves, posed_points, posed_groups, posed_leaves, rows, stack, out
+):
     """ADI of each pair: mean over vertices posed by gt of the way to the nearest posed by est.
 
-    est, gt ``(N, 3, 4)``; points ``(3, V)``; groups and leaves of `VertexCells`; out ``(N,)``.
+    est, gt ``(N, 12)``; points ``(3, V)``; groups and leaves of `VertexCells`; out ``(N,)``.
+    Working memory: copies of points, groups and leaves; rows ``(4, max(128, M))``, stack
+    ``(128,)`` int64.
     """
-    posed_groups, posed_leaves = groups.copy(), leaves.copy()
-    queries = points.copy()
-    rows = np.zeros((3, max(128, leaves.shape[2])))
-    stack = np.zeros(128, np.int64)
-    near = np.zeros(3)
+    near = rows[3]
     for i in range(len(out)):
         for g in range(len(groups)):
             _pose_rows(est[i], groups[g], posed_groups[g])
         for g in range(len(leaves)):
             _pose_rows(est[i], leaves[g], posed_leaves[g])
-        _pose_rows(gt[i], points, queries)
-        reach = math.sqrt(1.0 + _defect(est[i]))
+        _pose_rows(gt[i], points, posed_points)
+        # A pose stretches by its Frobenius norm at most; rotations, not at all.
+        reach2 = 1.0 + _defect(est[i])
+        if not reach2 < 1.01:
+            reach2 = 0.0
+            for k in range(12):
+                reach2 += est[i, k] * est[i, k]
+        reach = math.sqrt(reach2)
         for r in range(3):
             near[r] = posed_leaves[0, r, 0]
         total = 0.0
-        for k in range(queries.shape[1]):
+        for k in range(posed_points.shape[1]):
+            x, y, z = posed_points[0, k], posed_points[1, k], posed_points[2, k]
             total += math.sqrt(
-                _nearest_gap2(
-                    queries[0, k], queries[1, k], queries[2, k],
-                    posed_groups, reach, posed_leaves, rows, stack, near,
-                )
-            )  # fmt: skip
-        out[i] = total / queries.shape[1]
+                _nearest_gap2(x, y, z, posed_groups, reach, posed_leaves, rows, stack, near)
+            )
+        out[i] = total / posed_points.shape[1]

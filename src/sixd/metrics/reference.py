@@ -1,7 +1,8 @@
 """Pose errors as the papers define them, in plain NumPy: the definition every backend is held to.
 
 Poses map model to camera (``pose_c_m``), batch shape ``(N,)``: row i of ``est`` is compared with
-row i of ``gt``. Errors come back as ``(N,)``. Thresholds and normalisation belong to a protocol.
+row i of ``gt``. Errors come back as ``(N,)``, infinite where a pose is not finite. Thresholds and
+normalisation belong to a protocol.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sixd.errors import ShapeError, check_shape
+from sixd.errors import ShapeError, UsageError, check_shape
 from sixd.geometry.camera import Camera
 from sixd.geometry.pose import Floats, Pose
 
@@ -31,7 +32,7 @@ def mssd(est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose) -> Floats:
     errors = np.zeros(_pair_count(est, gt))
     for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
         errors[i] = np.linalg.norm(est_mm - gt_mm, axis=-1).max(axis=-1).min()
-    return errors
+    return _nan_to_inf(errors)
 
 
 def mspd(
@@ -75,7 +76,7 @@ def add(est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose | None = None) 
     errors = np.zeros(_pair_count(est, gt))
     for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
         errors[i] = np.linalg.norm(est_mm - gt_mm, axis=-1).mean(axis=-1).min()
-    return errors
+    return _nan_to_inf(errors)
 
 
 def adi(est: Pose, gt: Pose, points_mm: Floats) -> Floats:
@@ -95,7 +96,7 @@ def adi(est: Pose, gt: Pose, points_mm: Floats) -> Floats:
             gaps = gt_mm[0, start : start + rows, None] - est_mm[None]
             total += float(np.linalg.norm(gaps, axis=-1).min(axis=1).sum())
         errors[i] = total / len(points_mm)
-    return errors
+    return _nan_to_inf(errors)
 
 
 def projection(
@@ -138,9 +139,11 @@ def rotation_error_deg(est: Pose, gt: Pose, symmetries: Pose | None = None) -> F
     _pair_count(est, gt)
     R_gt = gt.R[:, None] if symmetries is None else gt.R[:, None] @ symmetries.R
     # trace(R_est R_gt^-1), with the true inverse as the BOP rules have it.
-    trace = np.einsum("nij,nsji->ns", est.R, np.linalg.inv(R_gt))
-    angles: Floats = np.degrees(np.arccos(np.clip((trace - 1) / 2, -1, 1))).min(axis=1)
-    return angles
+    with np.errstate(invalid="ignore"):
+        trace = np.einsum("nij,nsji->ns", est.R, np.linalg.inv(R_gt))
+    # Only finite traces are clipped: an infinite one is no half or whole turn.
+    cosine = np.where(np.isfinite(trace), np.clip((trace - 1) / 2, -1, 1), np.nan)
+    return _nan_to_inf(np.degrees(np.arccos(cosine)).min(axis=1))
 
 
 def translation_error_mm(est: Pose, gt: Pose, symmetries: Pose | None = None) -> Floats:
@@ -156,8 +159,7 @@ def translation_error_mm(est: Pose, gt: Pose, symmetries: Pose | None = None) ->
     """
     _pair_count(est, gt)
     moved = gt[:, None] @ (Pose.identity(1) if symmetries is None else symmetries)[None]
-    distances: Floats = np.linalg.norm(est.t_mm[:, None] - moved.t_mm, axis=-1).min(axis=1)
-    return distances
+    return _nan_to_inf(np.linalg.norm(est.t_mm[:, None] - moved.t_mm, axis=-1).min(axis=1))
 
 
 def centres_too_far(est: Pose, gt: Pose, diameter_mm: float | Floats) -> NDArray[np.bool_]:
@@ -168,6 +170,34 @@ def centres_too_far(est: Pose, gt: Pose, diameter_mm: float | Floats) -> NDArray
     """
     too_far: NDArray[np.bool_] = translation_error_mm(est, gt) >= diameter_mm
     return too_far
+
+
+def auc(errors_mm: Floats, max_mm: float = 100.0) -> float:
+    """Area under the accuracy-threshold curve, as for ADD and ADD-S in YCB-Video papers.
+
+    The accuracy at a threshold is the share of errors up to it. As in the YCB-Video toolbox (Xiang
+    et al., PoseCNN, RSS 2018), each interval between two errors counts with the accuracy at its
+    upper end, so the curve leads by one error; the last accuracy holds up to ``max_mm``.
+
+    Args:
+        errors_mm: ``(N,)``, one per target; infinity for a target without estimate.
+        max_mm: largest threshold; 100 mm in that paper.
+
+    Returns:
+        0 to 1; NaN without targets.
+
+    Raises:
+        UsageError: ``max_mm`` is not above zero.
+    """
+    if not max_mm > 0:
+        raise UsageError(f"max_mm must be above 0, got {max_mm}")
+    n_targets = len(errors_mm)
+    if not n_targets:
+        return float("nan")
+    counted = np.sort(errors_mm[errors_mm <= max_mm])  # neither infinite nor NaN
+    accuracy = np.append(np.arange(1, len(counted) + 1), len(counted)) / n_targets
+    widths = np.diff(np.concatenate([[0.0], counted, [max_mm]]))
+    return float(accuracy @ widths) / max_mm
 
 
 def _pair_count(est: Pose, gt: Pose) -> int:
@@ -189,7 +219,9 @@ def _posed(
     if len(group.batch_shape) != 1 or not len(group):
         raise ShapeError(f"symmetries must have batch shape (S,), S > 0, got {group.batch_shape}")
     for i in range(len(est)):
-        yield i, est[i].apply(points_mm), (gt[i] @ group).apply(points_mm)
+        with np.errstate(invalid="ignore"):  # poses that are not finite
+            posed = est[i].apply(points_mm), (gt[i] @ group).apply(points_mm)
+        yield i, *posed
 
 
 def _per_pair(cameras: Sequence[Camera] | Camera, count: int) -> Sequence[Camera]:
@@ -203,4 +235,9 @@ def _per_pair(cameras: Sequence[Camera] | Camera, count: int) -> Sequence[Camera
 def _pixel_distances(camera: Camera, est_mm: Floats, gt_mm: Floats) -> Floats:
     with np.errstate(invalid="ignore"):  # inf - inf, for points in the camera's plane
         distances = np.linalg.norm(camera.project(est_mm) - camera.project(gt_mm), axis=-1)
-    return np.where(np.isnan(distances), np.inf, distances)
+    return _nan_to_inf(distances)
+
+
+def _nan_to_inf(errors: Floats) -> Floats:
+    """An error that cannot be computed must never pass for a small one."""
+    return np.where(np.isnan(errors), np.inf, errors)

@@ -75,7 +75,8 @@ def vsd_of_distances(
 def visible(model_mm: Floats, measured_mm: Floats, delta_mm: float) -> Bools:
     """Where the model is rendered and not behind the measurement; no reading hides nothing."""
     behind = model_mm.astype(np.float32) - measured_mm.astype(np.float32)
-    return (model_mm > 0) & ((behind <= delta_mm) | (measured_mm == 0))
+    seen: Bools = (model_mm > 0) & ((behind <= delta_mm) | (measured_mm == 0))
+    return seen
 
 
 def distance_image_mm(depth_mm: NDArray[np.floating], K: Floats) -> Floats:

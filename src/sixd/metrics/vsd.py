@@ -6,13 +6,12 @@ Definition: `sixd.metrics.reference_rendered`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sixd.errors import ShapeError
+from sixd.errors import ShapeError, check_shape
 from sixd.geometry.pose import Floats, Pose
 from sixd.metrics.reference_rendered import spheres_overlap
 from sixd.render.raster import RenderMesh, Window, draw, projection_matrices
@@ -59,6 +58,7 @@ def vsd_pairs(
     """
     from sixd.metrics import vsd_kernels
 
+    _check_pairs(poses, mesh_index, pairs, diameters_mm)
     measured_mm = np.ascontiguousarray(depth_mm, np.float32)
     if measured_mm.ndim != 2:
         raise ShapeError(f"depth_mm must have shape (H, W), got {measured_mm.shape}")
@@ -75,19 +75,19 @@ def vsd_pairs(
 
     taus = np.asarray(taus, np.float64)
     order = np.argsort(taus)
-    units_mm = np.ones(len(pairs)) if tau_in_mm else np.asarray(diameters_mm, np.float64)
-    limits_mm = _smallest_reaching(taus[order], units_mm)
+    ascending = taus[order]
     errors = np.ones((len(pairs), len(taus)))
     renderer = _Renderer(meshes, mesh_index, projection_matrices(poses, K), size_px, seen)
     for row, est, gt in renderer.pairs(_worth_rendering(poses, pairs, diameters_mm, sphere_check)):
         n_at_least = np.zeros(len(taus), np.int64)
+        unit_mm = 1.0 if tau_in_mm else float(diameters_mm[row])
         n_both, n_hidden = vsd_kernels.compare(
-            est.distances_mm, est.at, gt.distances_mm, gt.at, limits_mm[row], n_at_least
+            est.distances_mm, est.at, gt.distances_mm, gt.at, unit_mm, ascending, n_at_least
         )
         n_either = gt.n_visible + est.n_visible + n_hidden - n_both
         if n_either:
-            errors[row, order] = (n_at_least + n_either - n_both) / n_either
-    return errors
+            errors[row] = (n_at_least + n_either - n_both) / n_either
+    return errors[:, np.argsort(order)]
 
 
 def cus_pairs(
@@ -108,6 +108,7 @@ def cus_pairs(
     Returns:
         ``(P,)`` errors in [0, 1].
     """
+    _check_pairs(poses, mesh_index, pairs, diameters_mm)
     errors = np.ones(len(pairs))
     renderer = _Renderer(meshes, mesh_index, projection_matrices(poses, K), size_px, _silhouette)
     for row, est, gt in renderer.pairs(_worth_rendering(poses, pairs, diameters_mm, sphere_check)):
@@ -118,8 +119,7 @@ def cus_pairs(
     return errors
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
+class _Seen(NamedTuple):
     """One pose against the depth image."""
 
     at: tuple[int, int]
@@ -128,8 +128,7 @@ class _Seen:
     n_visible: int
 
 
-@dataclass(frozen=True, eq=False)
-class _Silhouette:
+class _Silhouette(NamedTuple):
     at: tuple[int, int]
     mask: NDArray[np.bool_]
     n_pixels: int
@@ -152,6 +151,15 @@ def _overlap(a: _Silhouette, b: _Silhouette) -> tuple[NDArray[np.bool_], NDArray
     return part(a), part(b)
 
 
+def _check_pairs(poses: Pose, mesh_index: Ints, pairs: Ints, diameters_mm: Floats) -> None:
+    check_shape("pairs", pairs, (2,))
+    if (len(poses),) != np.shape(mesh_index) or (len(pairs),) != np.shape(diameters_mm):
+        raise ShapeError(
+            f"mesh_index must have shape ({len(poses)},) and diameters_mm ({len(pairs)},), "
+            f"got {np.shape(mesh_index)} and {np.shape(diameters_mm)}"
+        )
+
+
 def _worth_rendering(
     poses: Pose, pairs: Ints, diameters_mm: Floats, sphere_check: bool
 ) -> list[tuple[int, int, int]]:
@@ -160,22 +168,7 @@ def _worth_rendering(
     if sphere_check:
         est_mm, gt_mm = poses.t_mm[pairs[rows, 0]], poses.t_mm[pairs[rows, 1]]
         rows = rows[spheres_overlap(est_mm, gt_mm, np.asarray(diameters_mm)[rows])]
-    return [(int(row), *map(int, pairs[row])) for row in rows]
-
-
-def _smallest_reaching(taus: Floats, units_mm: Floats) -> Floats:
-    """The smallest numbers ``(P, T)`` whose quotient by the unit is at least tau.
-
-    Comparing with them is comparing the quotient, to the last bit, without a division per pixel.
-    """
-    units = units_mm[:, None]
-    limits = taus * units
-    for _ in range(2):
-        lower = np.nextafter(limits, -np.inf)
-        limits = np.where(lower / units >= taus, lower, limits)
-    for _ in range(2):
-        limits = np.where(limits / units < taus, np.nextafter(limits, np.inf), limits)
-    return limits
+    return [(int(row), int(pairs[row, 0]), int(pairs[row, 1])) for row in rows]
 
 
 class _Renderer(Generic[Made]):

@@ -1,5 +1,6 @@
 """Compiled inner loops of VSD. Imports numba: import this module only inside functions."""
 
+# mypy: allow-untyped-defs
 from __future__ import annotations
 
 import numpy as np
@@ -28,15 +29,16 @@ def signed_distances(inverse_z, x0, y0, measured_mm, intrinsics, delta_mm, dista
         Number of visible pixels.
     """
     fx, fy, cx, cy = intrinsics
+    per_fx = 1.0 / fx
     n_visible = 0
     for row in range(distance_mm.shape[0]):
-        y_squared = ((y0 + row - cy) / fy) ** 2
+        beside_x = ((y0 + row - cy) / fy) ** 2 + 1.0
         for column in range(distance_mm.shape[1]):
             w = inverse_z[row, column]
             if w == 0.0:
                 distance_mm[row, column] = 0.0
                 continue
-            ray = np.sqrt(((x0 + column - cx) / fx) ** 2 + y_squared + 1.0)
+            ray = np.sqrt(((x0 + column - cx) * per_fx) ** 2 + beside_x)
             model = ray / w
             depth = measured_mm[y0 + row, x0 + column]
             behind = np.float32(model) - np.float32(depth * ray)
@@ -47,7 +49,7 @@ def signed_distances(inverse_z, x0, y0, measured_mm, intrinsics, delta_mm, dista
 
 
 @_compile
-def compare(est, est_at, gt, gt_at, limits_mm, n_at_least):
+def compare(est, est_at, gt, gt_at, unit_mm, taus, n_at_least):
     """Compare two results of `signed_distances` where their crops overlap.
 
     Args:
@@ -55,8 +57,9 @@ def compare(est, est_at, gt, gt_at, limits_mm, n_at_least):
         est_at: x0, y0 of it.
         gt: ``(h', w')`` of the ground truth.
         gt_at: x0, y0 of it.
-        limits_mm: ``(T,)`` ascending.
-        n_at_least: ``(T,)`` zeros; receives how many pixels differ by at least each limit.
+        unit_mm: what differences are divided by.
+        taus: ``(T,)`` ascending.
+        n_at_least: ``(T,)`` zeros; receives how many pixels differ by at least each tau.
 
     Returns:
         Number of pixels visible in the ground truth and covered by the estimate (these count as
@@ -64,7 +67,7 @@ def compare(est, est_at, gt, gt_at, limits_mm, n_at_least):
     """
     left, right = max(est_at[0], gt_at[0]), min(est_at[0] + est.shape[1], gt_at[0] + gt.shape[1])
     top, bottom = max(est_at[1], gt_at[1]), min(est_at[1] + est.shape[0], gt_at[1] + gt.shape[0])
-    n_limits = limits_mm.shape[0]
+    n_taus = taus.shape[0]
     n_both, n_hidden, reached = 0, 0, 0
     for y in range(top, bottom):
         for x in range(left, right):
@@ -74,14 +77,14 @@ def compare(est, est_at, gt, gt_at, limits_mm, n_at_least):
                 continue
             n_both += 1
             n_hidden += e < 0.0
-            difference = abs(g - abs(e))
+            difference = abs(g - abs(e)) / unit_mm
             # Neighbouring pixels mostly differ by about the same: begin where the last one ended.
-            while reached < n_limits and difference >= limits_mm[reached]:
+            while reached < n_taus and difference >= taus[reached]:
                 reached += 1
-            while reached > 0 and difference < limits_mm[reached - 1]:
+            while reached > 0 and difference < taus[reached - 1]:
                 reached -= 1
             if reached > 0:
                 n_at_least[reached - 1] += 1
-    for k in range(n_limits - 2, -1, -1):
+    for k in range(n_taus - 2, -1, -1):
         n_at_least[k] += n_at_least[k + 1]
     return n_both, n_hidden

@@ -111,7 +111,7 @@ def pixel_boxes(
     with np.errstate(divide="ignore", invalid="ignore"):
         centres = projected[..., :2] / projected[..., 2:] - 0.5
     crossing = corners_mm[..., 2].min(axis=-1) < NEAR_MM
-    centres[crossing] = [[-np.inf], [np.inf], [0]]
     low = np.ceil(centres.min(axis=1) - BOX_SLACK_PX)
     high = np.floor(centres.max(axis=1) + BOX_SLACK_PX) + 1
-    return tuple(np.clip(ends, 0, size_px).astype(int) for ends in (low, high))
+    low[crossing], high[crossing] = 0, size_px
+    return np.clip(low, 0, size_px).astype(np.int64), np.clip(high, 0, size_px).astype(np.int64)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 PIPE_WIDTH = 200
+MOST_COLUMNS = 8
+COCO_COLUMNS = ("AP", "AP50", "AP75", "AR100")
 REASONS = {
     "not_a_target": "of no target (image and object)",
     "beyond_instance_count": "beyond the number of instances asked for",
@@ -33,12 +35,13 @@ REASONS = {
 
 
 def evaluation_table(evaluations: Sequence[Evaluation]) -> str:
-    """One row per evaluation, then what each left out."""
+    """One row per evaluation; of a single one also what it left out."""
     lines: list[RenderableType] = []
     for protocol in dict.fromkeys(e.protocol for e in evaluations):
         some = [e for e in evaluations if e.protocol == protocol]
         lines.append(_scores_table(protocol, some))
-        lines += [text for e in some for text in _remarks(e, named=len(some) > 1)]
+        if len(some) == 1:
+            lines += _remarks(some[0])
     return _render(lines)
 
 
@@ -57,37 +60,42 @@ def breakdown_rows(breakdown: Breakdown) -> list[dict[str, Any]]:
     names = list(breakdown.columns)
     columns = [c.tolist() for c in breakdown.columns.values()]
     return [
-        {n: None if isinstance(v, float) and math.isnan(v) else v for n, v in zip(names, row, strict=True)}
+        {
+            n: None if isinstance(v, float) and math.isnan(v) else v
+            for n, v in zip(names, row, strict=True)
+        }
         for row in zip(*columns, strict=True)
     ]
 
 
 def _scores_table(protocol: str, evaluations: Sequence[Evaluation]) -> Table:
     table = _table(f"{protocol} on {', '.join(dict.fromkeys(e.dataset for e in evaluations))}")
-    keys = dict.fromkeys(k for e in evaluations for k in e.scores)
+    keys = list(dict.fromkeys(k for e in evaluations for k in e.scores))
+    if len(keys) > MOST_COLUMNS:
+        keys = [k for k in keys if k in COCO_COLUMNS]
     table.add_column("results", overflow="fold")
-    for key in keys:
+    for key in (*keys, "time (s)", "targets", "no estimate", "not scored"):
         table.add_column(key, justify="right")
-    table.add_column("time (s)", justify="right")
     for e in evaluations:
         name = Path(e.provenance.results_file).name or "(in memory)"
         time = "-" if e.average_time_per_image < 0 else f"{e.average_time_per_image:.3f}"
-        table.add_row(name, *(_cell(e.scores.get(k, np.nan)) for k in keys), time)
+        counts = (e.n_targets, e.n_without_estimate, sum(e.ignored.values()))
+        scores = (_cell(e.scores.get(k, np.nan)) for k in keys)
+        table.add_row(name, *scores, time, *map(str, counts))
     return table
 
 
-def _remarks(evaluation: Evaluation, named: bool) -> Iterable[str]:
-    head = f"{Path(evaluation.provenance.results_file).name}: " if named else ""
-    found = evaluation.n_targets - evaluation.n_without_estimate
-    yield (
-        f"{head}{evaluation.n_targets} targets, {evaluation.n_without_estimate} without an estimate"
-        f" (misses), {found} with one."
-    )
+def _remarks(evaluation: Evaluation) -> Iterable[str]:
+    """What a single evaluation left out, and why."""
+    if len(evaluation.scores) > MOST_COLUMNS:
+        others = [f"{k} {_cell(v)}" for k, v in evaluation.scores.items() if k not in COCO_COLUMNS]
+        yield ", ".join(others)
     for reason, count in evaluation.ignored.items():
         if count:
-            yield f"{head}{count} of {evaluation.n_estimates} estimates play no part: {REASONS.get(reason, reason)}."
+            why = REASONS.get(reason, reason)
+            yield f"{count} of {evaluation.n_estimates} estimates play no part: {why}."
     for note in evaluation.notes:
-        yield f"{head}note: {note}"
+        yield f"note: {note}"
 
 
 def _cell(value: object) -> str:
@@ -110,9 +118,7 @@ def _render(parts: Iterable[RenderableType]) -> str:
 
     is_terminal = sys.stdout.isatty()
     width = shutil.get_terminal_size().columns if is_terminal else PIPE_WIDTH
-    console = Console(
-        file=io.StringIO(), width=width, force_terminal=is_terminal, highlight=False
-    )
+    console = Console(file=io.StringIO(), width=width, force_terminal=is_terminal, highlight=False)
     for part in parts:
         console.print(Text(part) if isinstance(part, str) else part)
     text: str = console.file.getvalue()  # type: ignore[attr-defined]

@@ -17,12 +17,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sixd.errors import FormatError, Problem, UsageError
+from sixd.errors import FormatError, Problem
 from sixd.results.atomic import write_results_text
 from sixd.results.coco_entries import Entry, read_entries_slowly
 from sixd.results.findings import Findings
 from sixd.results.limits import Limits
-from sixd.results.pose_csv import too_many_rows
+from sixd.results.pose_csv import refuse_rows, too_many_rows
 from sixd.results.pose_csv_rows import bad_encoding
 from sixd.results.source import ResultsText, open_results_text
 from sixd.results.tables import Detections, times_of_file
@@ -63,14 +63,10 @@ def write_coco_json(path: str | Path, detections: Detections) -> None:
         UsageError: a score or box is not finite; nothing is written.
         MissingDataError: the folder does not exist or may not be written.
     """
-    partial = np.isfinite(detections.bbox_xywh_px).any(axis=1) & ~detections.has_bbox
-    infinite = np.isinf(detections.bbox_xywh_px).any(axis=1)
-    for name, bad in (("score", ~np.isfinite(detections.score)), ("bbox", partial | infinite)):
-        if bad.any():
-            rows = np.flatnonzero(bad)
-            raise UsageError(
-                f"{path}: {name} is not finite in {len(rows)} rows, first in row {rows[0]}"
-            )
+    boxes = detections.bbox_xywh_px
+    refuse_rows(path, "score", ~np.isfinite(detections.score))
+    refuse_rows(path, "bbox", ~np.isfinite(boxes).all(axis=1) & ~np.isnan(boxes).all(axis=1))
+    refuse_rows(path, "time_s", np.isinf(detections.time_s))
     entries = b",\n".join(_written_entries(detections))
     write_results_text(path, b"[\n" + entries + b"\n]\n" if entries else b"[]\n")
 

@@ -19,8 +19,8 @@ from sixd.results.limits import Limits
 from sixd.results.lint import CheckReport, check_file
 from sixd.results.lint_images import wrong_times
 from sixd.results.lint_poses import (
+    EXACT_ROTATION_ERROR,
     MENDABLE_ROTATION_ERROR,
-    ROTATION_TOLERANCE,
     determinant,
     orthogonality_error,
 )
@@ -123,7 +123,7 @@ def _mend_csv(text: bytes, table: PoseEstimates, changes: list[Change]) -> bytes
 def _mended_rotations(table: PoseEstimates) -> list[tuple[int, list[float]]]:
     with np.errstate(over="ignore", invalid="ignore"):
         error = orthogonality_error(table.R)
-        mendable = (error > ROTATION_TOLERANCE) & (error < MENDABLE_ROTATION_ERROR)
+        mendable = (error > EXACT_ROTATION_ERROR) & (error < MENDABLE_ROTATION_ERROR)
         rows = np.flatnonzero(mendable & (determinant(table.R) > 0))
     R = nearest_rotations(table.R[rows]).reshape(-1, 9)
     return list(zip(rows.tolist(), R.tolist(), strict=True))

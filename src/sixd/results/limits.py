@@ -20,7 +20,7 @@ class Limits:
     ratio_floor_bytes: int = 16 << 20
     """Below this many inflated bytes no ratio is looked at."""
     rows: int = 5_000_000
-    """Estimates or detections in one file."""
+    """Estimates or detections in one file; a pose CSV may have twice as many lines."""
     line_bytes: int = 64 << 10
     """Length of one line of a pose CSV, where 400 is usual."""
     entry_chars: int = 16 << 20

@@ -66,15 +66,21 @@ def write_pose_csv(path: str | Path, estimates: PoseEstimates) -> None:
         UsageError: a number is not finite; nothing is written.
         MissingDataError: the folder does not exist or may not be written.
     """
-    for name in ("score", "R", "t_mm"):
-        is_finite = np.isfinite(getattr(estimates, name))
-        rows = np.flatnonzero(~is_finite.all(axis=tuple(range(1, is_finite.ndim))))
-        if len(rows):
-            raise UsageError(
-                f"{path}: {name} is not finite in {len(rows)} rows, first in row {rows[0]}"
-            )
+    refuse_rows(path, "score", ~np.isfinite(estimates.score))
+    refuse_rows(path, "R", ~np.isfinite(estimates.R).all(axis=(1, 2)))
+    refuse_rows(path, "t_mm", ~np.isfinite(estimates.t_mm).all(axis=1))
+    refuse_rows(path, "time_s", np.isinf(estimates.time_s))
     header = f"{HEADER}\n".encode()
     write_results_text(path, b"".join([header, *_written_rows(estimates)]))
+
+
+def refuse_rows(path: str | Path, name: str, wrong: NDArray[np.bool_] | np.bool_) -> None:
+    """Raise `UsageError` if a column holds what no results file may hold."""
+    rows = np.flatnonzero(wrong)
+    if len(rows):
+        raise UsageError(
+            f"{path}: {name} is not finite in {len(rows)} rows, first in row {rows[0]}"
+        )
 
 
 def parse_pose_csv(text: ResultsText, found: Findings, limits: Limits) -> PoseEstimates:
@@ -88,8 +94,10 @@ def parse_pose_csv(text: ResultsText, found: Findings, limits: Limits) -> PoseEs
     crlf = _WindowsLineEnds()
     try:
         for block in line_blocks(text.blocks, text.first_byte, limits.line_bytes):
+            if block.first_line > 2 * limits.rows + 2:  # blank and broken lines are rows too
+                raise FormatError([too_many_rows(limits, block.first_line)])
             crlf.count(block)
-            for rows in _read_rows(block, found, limits, first=not n_rows):
+            for rows in _read_rows(block, found, limits):
                 parts.append(rows)
                 n_rows += len(rows.line)
                 if n_rows > limits.rows:
@@ -152,7 +160,7 @@ class _WindowsLineEnds:
             )
 
 
-def _read_rows(block: LineBlock, found: Findings, limits: Limits, *, first: bool) -> Iterator[Rows]:
+def _read_rows(block: LineBlock, found: Findings, limits: Limits) -> Iterator[Rows]:
     """Read fast what can be, slowly what must be: halve a block that is not plain."""
     rows = _read_rows_fast(block)
     if rows is not None:
@@ -160,13 +168,11 @@ def _read_rows(block: LineBlock, found: Findings, limits: Limits, *, first: bool
         return
     middle = block.text.rfind(b"\n", 0, len(block.text) // 2) + 1
     if not middle or len(block.text) < _SMALL_BLOCK_BYTES:
-        yield read_rows_slowly(block, found, limits.line_bytes, first=first)
+        yield read_rows_slowly(block, found, limits.line_bytes)
         return
     half = LineBlock(block.text[:middle], block.first_line, block.first_byte)
     for part in (half, block.after(middle)):
-        for rows in _read_rows(part, found, limits, first=first):
-            first = first and not len(rows.line)
-            yield rows
+        yield from _read_rows(part, found, limits)
 
 
 def _read_rows_fast(block: LineBlock) -> Rows | None:

@@ -59,18 +59,18 @@ class Rows:
         )
 
 
-def read_rows_slowly(block: LineBlock, found: Findings, longest: int, first: bool = True) -> Rows:
+def read_rows_slowly(block: LineBlock, found: Findings, longest: int) -> Rows:
     """Read row by row; all that is wrong goes to ``found``.
 
     Args:
         block: the lines.
         found: takes the problems.
         longest: longest line, bytes.
-        first: no row was before these, so that a header may be here.
 
     Returns:
         The rows whose ids can be read, with NaN for each number that cannot.
     """
+    header_may_come = block.first_line == 1
     ids: list[Sequence[int]] = []
     numbers: list[list[float]] = []
     lines: list[int] = []
@@ -78,8 +78,9 @@ def read_rows_slowly(block: LineBlock, found: Findings, longest: int, first: boo
         text = _text_of(raw, line, byte, found, longest)
         if not text:
             continue
-        if _is_header(text, line, found, allowed=first and not ids):
-            first = False
+        is_header = _is_header(text, line, found, allowed=header_may_come)
+        header_may_come = False
+        if is_header:
             continue
         row = _plain_row(text) or _explained_row(text, line, found)
         if row is not None:

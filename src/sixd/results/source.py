@@ -18,6 +18,7 @@ BLOCK_BYTES = 2 << 20
 UTF8_BOM = b"\xef\xbb\xbf"
 _GZIP_MAGIC = b"\x1f\x8b"
 _BLANK = b" \t\r\n"
+_MOST_BLANKS = 1 << 20
 _FOREIGN = {
     b"PK\x03\x04": "a zip archive",
     b"\xfd7zXZ\x00": "an xz archive",
@@ -53,6 +54,8 @@ def open_results_text(path: str | Path, limits: Limits) -> ResultsText:
         head += block
         if head.lstrip(_BLANK) and len(head) > len(UTF8_BOM):
             break
+        if len(head) > _MOST_BLANKS:
+            raise FormatError([_not_text(f"{len(head):,} blank characters at its beginning")])
     _refuse_foreign(head)
     has_bom = head.startswith(UTF8_BOM)
     head = head.removeprefix(UTF8_BOM)

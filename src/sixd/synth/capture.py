@@ -12,8 +12,13 @@ from sixd.datasets.annotate.gt_info import InstanceMasks, canvas_camera, measure
 from sixd.geometry.mesh import Mesh
 from sixd.geometry.pose import Floats, Pose
 from sixd.render.raster import Crop, render_crop, render_depth
+from sixd.render.scene import SceneObject
+from sixd.render.shading import Light, render_scene
 from sixd.synth.scenes import Placement, View
 from sixd.synth.sensor import sense_depth_mm
+
+TO_LAMP_W = np.array([-0.35, 0.45, 1.0])
+"""Direction to the lamp, world frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +70,19 @@ def capture(
 
 
 def photograph(meshes: Sequence[Mesh], poses_c_m: Sequence[Pose], view: View) -> NDArray[np.uint8]:
-    """Colour image ``(H, W, 3)``."""
-    return np.zeros((view.size_px[1], view.size_px[0], 3), np.uint8)
+    """Colour image ``(H, W, 3)``, under a lamp that stands still while the camera moves."""
+    lamp = view.pose_c_w.R @ TO_LAMP_W
+    items = [SceneObject(mesh, pose) for mesh, pose in zip(meshes, poses_c_m, strict=True)]
+    light = Light(to_light_c=(float(lamp[0]), float(lamp[1]), float(lamp[2])))
+    return render_scene(items, view.K, view.size_px, light=light, background=_wall(view)).rgb
+
+
+def _wall(view: View) -> NDArray[np.uint8]:
+    """A wall behind the table, darker towards the floor."""
+    width, height = view.size_px
+    brightness = np.linspace(1.0, 0.72, height)[:, None, None]
+    wall = np.broadcast_to(np.array([206.0, 210.0, 212.0]) * brightness, (height, width, 3))
+    return wall.astype(np.uint8)
 
 
 def _nearest_mm(crops: Sequence[Crop], background_mm: Floats) -> Floats:

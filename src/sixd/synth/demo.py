@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -32,6 +34,7 @@ from sixd.datasets.writing import (
 from sixd.errors import UsageError
 from sixd.geometry.mesh import Mesh, write_ply
 from sixd.synth.capture import Capture, capture
+from sixd.synth.creases import creased
 from sixd.synth.objects import BuiltinObject, builtin_objects
 from sixd.synth.scenes import Scene, View, kinect_like_camera, make_scene
 from sixd.synth.sensor import DEPTH_SCALE
@@ -70,13 +73,15 @@ def make_demo_dataset(
     seed: int = 0,
     scenes: int = 2,
     images_per_scene: int = 4,
-    size_px: tuple[int, int] = (640, 480),
+    size_px: tuple[int, int] = (480, 360),
     *,
+    workers: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Make a dataset with models, images, truth, COCO annotations and target lists.
 
-    Same arguments, same bytes. The folder appears when it is complete.
+    Same arguments, same bytes, whatever the number of workers. The folder appears when it is
+    complete.
 
     Args:
         path: folder to make; must not exist.
@@ -84,6 +89,7 @@ def make_demo_dataset(
         scenes: number of scenes; in each, one object is absent and some occur twice.
         images_per_scene: number of views of each.
         size_px: ``(w, h)``.
+        workers: threads; by default one for each core, at most four.
         progress: told of every image.
 
     Returns:
@@ -93,6 +99,7 @@ def make_demo_dataset(
         UsageError: the folder exists, or a number is not positive.
     """
     path = Path(path)
+    workers = workers or min(4, os.cpu_count() or 1)
     if min(scenes, images_per_scene, *size_px) < 1:
         raise UsageError("scenes, images_per_scene and size_px must be positive")
     objects = builtin_objects()
@@ -102,21 +109,20 @@ def make_demo_dataset(
         if progress is not None:
             progress("demo images", next(made), scenes * images_per_scene)
 
-    with new_folder(path) as folder:
+    with new_folder(path) as folder, ThreadPoolExecutor(workers) as pool:
         _write_models(folder, objects, size_px)
         targets: list[dict[str, int]] = []
         for scene_id in range(1, scenes + 1):
-            rng = np.random.default_rng([seed, scene_id])
             scene = make_scene(
                 objects,
-                rng,
+                np.random.default_rng([seed, scene_id]),
                 n_instances=INSTANCES_PER_SCENE,
                 n_views=images_per_scene,
                 size_px=size_px,
                 absent=list(objects)[(scene_id - 1) % len(objects)],
             )
             scene_dir = folder / "test" / f"{scene_id:06d}"
-            info = _write_scene(scene_dir, objects, scene, rng, image_done)
+            info = _write_scene(scene_dir, objects, scene, (seed, scene_id), pool, image_done)
             targets += _targets(scene_id, scene, info)
         _write_targets(folder, targets, scenes, images_per_scene)
     return path
@@ -153,17 +159,24 @@ def _write_scene(
     folder: Path,
     objects: Mapping[int, BuiltinObject],
     scene: Scene,
-    rng: np.random.Generator,
+    seed: Sequence[int],
+    pool: Executor,
     image_done: Callable[[], None],
 ) -> Mapping[int, list[GtInfo]]:
     """All files of a scene; gives its gt info by image."""
-    meshes = {obj_id: item.mesh for obj_id, item in objects.items()}
-    table = table_mesh(rng)
-    files = _SceneFiles()
-    for im_id, view in enumerate(scene.views):
-        taken = capture(meshes, table, scene.placements, view, rng)
+    meshes = {obj_id: creased(item.mesh) for obj_id, item in objects.items()}
+    table = creased(table_mesh(np.random.default_rng([*seed, 0])))
+
+    def take(im_id: int) -> Capture:
+        # Each image has its own source of noise: none depends on those made before it.
+        rng = np.random.default_rng([*seed, 1 + im_id])
+        taken = capture(meshes, table, scene.placements, scene.views[im_id], rng)
         _write_image(folder, im_id, taken)
-        _note(files, im_id, scene, view, taken)
+        return taken
+
+    files = _SceneFiles()
+    for im_id, taken in enumerate(pool.map(take, range(len(scene.views)))):
+        _note(files, im_id, scene, scene.views[im_id], taken)
         image_done()
     write_json_object(folder / "scene_camera.json", files.cameras)
     write_json_object(folder / "scene_gt.json", files.poses)

@@ -183,7 +183,7 @@ def _letter_columns() -> list[float]:
 
 def _letters(x: Floats, z: Floats, columns: Sequence[float]) -> NDArray[np.bool_]:
     """Where the word TEA is, in letters of 3 x 5 cells."""
-    glyphs = ("111010010010010", "111100110100111", "010101111101101")
+    glyphs = ("111010010010010", "111100110100111", "111101111101101")
     row = 4 - np.floor((z - 4.0) / 4.4).astype(int)
     inside = (row >= 0) & (row < 5)
     found = np.zeros(x.shape, dtype=bool)

@@ -58,6 +58,7 @@ def test_run_lengths_are_those_of_the_coco_library(mask):
         {"counts": "abc", "size": [2, 2]},
         {"counts": [4], "size": [2, 2, 1]},
         {"counts": [4], "size": "22"},
+        {"counts": [10**10], "size": [10**5, 10**5]},
         {"counts": [2**62, 2**62, 2**62], "size": [2**31, 2**31]},
     ],
 )

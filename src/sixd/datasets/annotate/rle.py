@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from sixd.errors import FormatError, Problem
 
+MAX_PIXELS = 2**28
+"""More than any camera has: what claims to be larger is not allocated."""
+
 
 class Rle(TypedDict):
     """A mask in COCO's JSON form."""
@@ -43,6 +46,8 @@ def decode_rle(rle: Mapping[str, object]) -> NDArray[np.bool_]:
         raise _bad("counts", "a list of run lengths of at least 0", counts)
     runs = np.asarray(counts, dtype=np.int64)
     height, width = np.asarray(size).tolist()
+    if height * width > MAX_PIXELS:
+        raise _bad("size", f"an image of at most {MAX_PIXELS} pixels", size)
     if runs.sum() != height * width:
         raise _bad("counts", f"runs that sum to {height} x {width}", int(runs.sum()))
     values = np.arange(len(runs)) % 2 == 1
