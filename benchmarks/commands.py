@@ -1,7 +1,7 @@
 """Whole `sixd eval` commands against the reference toolkit's figures for the same input.
 
-The toolkit's figures are those of `peer_synth/README.md` (2 cores, 2 workers), where the input comes
-from. CPU seconds are compared, which depend less on what else the machine does.
+The toolkit's figures are those of `peer_synth/README.md` (2 cores, 2 workers), where the input
+comes from. CPU seconds are compared, which depend less on what else the machine does.
 
     python benchmarks/commands.py ../shared/data/peer_synth
 """

@@ -139,7 +139,9 @@ def write_annotations(folder: Path, ids: np.ndarray, poses: Pose, visib: np.ndar
     (folder / "test_targets_bop24.json").write_text(json.dumps(images))
 
 
-def write_results(path: Path, poses: Pose, ids: np.ndarray, n: int, rng: np.random.Generator) -> None:
+def write_results(
+    path: Path, poses: Pose, ids: np.ndarray, n: int, rng: np.random.Generator
+) -> None:
     """The truth, each instance about equally often, turned and shifted by a few degrees and mm."""
     rows = np.arange(n) % len(ids)
     angles = rng.normal(0, np.deg2rad(8), (n, 3))

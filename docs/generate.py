@@ -23,7 +23,8 @@ def cli_page() -> str:
     for name in [None, *sorted(cli.commands)]:
         command = cli if name is None else cli.commands[name]
         path = "sixd" if name is None else f"sixd {name}"
-        with click.Context(command, info_name=path, max_content_width=98, terminal_width=98) as context:
+        context = click.Context(command, info_name=path, max_content_width=98, terminal_width=98)
+        with context:
             text = command.get_help(context)
         parts += [f"## {path}", f"```text\n{text}\n```"]
     return "\n\n".join(parts) + "\n"

@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
+import secrets
 from pathlib import Path
+
+from sixd.errors import MissingDataError
 
 
 def write_atomically(path: str | Path, data: bytes) -> Path:
-    """Write ``data`` beside ``path``, then rename: a killed run leaves the old file or none."""
+    """Write ``data`` beside ``path``, then rename: a killed run leaves the old file or none.
+
+    Raises:
+        MissingDataError: the folder cannot be made or written.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    temporary = beside(path)
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        Path(temporary).chmod(0o644)  # mkstemp makes it private
-        Path(temporary).replace(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(data)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise MissingDataError(f"{path}: cannot be written: {error.strerror or error}") from error
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
     return path
+
+
+def beside(path: Path) -> Path:
+    """A hidden name that nobody else uses, on the same file system."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
 
 
 def sha256_of(path: str | Path) -> str:

@@ -13,7 +13,6 @@ from sixd.datasets.writing import (
     camera_entry,
     new_folder,
     pose_entry,
-    write_bytes,
     write_coco,
     write_depth,
     write_image,
@@ -21,7 +20,8 @@ from sixd.datasets.writing import (
     write_json_object,
     write_mask,
 )
-from sixd.errors import SixdError, UsageError
+from sixd.errors import MissingDataError, SixdError, UsageError
+from sixd.files import write_atomically
 
 
 def names_in(folder):
@@ -31,7 +31,7 @@ def names_in(folder):
 def test_a_failed_folder_leaves_nothing_behind(tmp_path):
     def die_half_way():
         with new_folder(tmp_path / "set") as folder:
-            write_bytes(folder / "half.json", b"{")
+            write_atomically(folder / "half.json", b"{")
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -41,7 +41,7 @@ def test_a_failed_folder_leaves_nothing_behind(tmp_path):
 
 def test_a_finished_folder_has_its_name_and_only_that(tmp_path):
     with new_folder(tmp_path / "deep" / "set") as folder:
-        write_bytes(folder / "a" / "b.json", b"{}")
+        write_atomically(folder / "a" / "b.json", b"{}")
         assert not (tmp_path / "deep" / "set").exists()
     assert names_in(tmp_path / "deep") == ["set"]
     assert (tmp_path / "deep" / "set" / "a" / "b.json").read_bytes() == b"{}"
@@ -58,7 +58,7 @@ def test_a_folder_that_exists_is_not_touched(tmp_path):
 
 def test_what_is_written_has_the_rights_the_user_wants(tmp_path):
     with new_folder(tmp_path / "set") as folder:
-        write_bytes(folder / "a.json", b"{}")
+        write_atomically(folder / "a.json", b"{}")
     (tmp_path / "plain").mkdir()
     (tmp_path / "plain" / "a.json").write_bytes(b"{}")
     for name in ("", "a.json"):
@@ -68,10 +68,10 @@ def test_what_is_written_has_the_rights_the_user_wants(tmp_path):
 
 def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "x.json"
-    write_bytes(path, b"old")
+    write_atomically(path, b"old")
     monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError("full")))
-    with pytest.raises(OSError, match="full"):
-        write_bytes(path, b"new")
+    with pytest.raises(MissingDataError, match="full"):
+        write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert names_in(tmp_path) == ["x.json"]
 

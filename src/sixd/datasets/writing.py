@@ -7,7 +7,6 @@ they can be read by eye and compared line by line.
 from __future__ import annotations
 
 import json
-import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,21 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixd.errors import MissingDataError, ShapeError, UsageError
+from sixd.files import beside, write_atomically
 from sixd.geometry.pose import Floats
 
 _DEPTH_MAX = np.iinfo(np.uint16).max
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file, or leave what was there: a temporary neighbour takes its name at the end."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = _beside(path)
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 @contextmanager
@@ -46,7 +34,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     if path.exists() or path.is_symlink():
         raise UsageError(f"{path} exists already: remove it, or name another folder")
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = _beside(path)
+    temporary = beside(path)
     temporary.mkdir()
     try:
         yield temporary
@@ -59,13 +47,13 @@ def new_folder(path: Path) -> Iterator[Path]:
 def write_json_object(path: Path, entries: Mapping[int, object] | Mapping[str, object]) -> None:
     """One entry per line: ``scene_gt.json``, ``scene_camera.json``, ``models_info.json``."""
     lines = [f'  "{key}": {_dumps(value)}' for key, value in entries.items()]
-    write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
+    write_atomically(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
 
 
 def write_json_list(path: Path, entries: Iterable[object]) -> None:
     """One entry per line: target lists."""
     lines = [f"  {_dumps(entry)}" for entry in entries]
-    write_bytes(path, ("[\n" + ",\n".join(lines) + "\n]\n").encode())
+    write_atomically(path, ("[\n" + ",\n".join(lines) + "\n]\n").encode())
 
 
 def write_coco(path: Path, coco: Mapping[str, object]) -> None:
@@ -77,7 +65,7 @@ def write_coco(path: Path, coco: Mapping[str, object]) -> None:
         else:
             value_text = _dumps(value)
         parts.append(f'  "{key}": {value_text}')
-    write_bytes(path, ("{\n" + ",\n".join(parts) + "\n}\n").encode())
+    write_atomically(path, ("{\n" + ",\n".join(parts) + "\n}\n").encode())
 
 
 def write_image(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
@@ -89,7 +77,7 @@ def write_image(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> No
     written, data = cv2.imencode(path.suffix, np.ascontiguousarray(stored), quality)
     if not written:
         raise MissingDataError(f"{path}: the image library cannot write this kind of image")
-    write_bytes(path, data.tobytes())
+    write_atomically(path, data.tobytes())
 
 
 def write_depth(path: Path, depth_mm: NDArray[np.floating], depth_scale: float) -> None:
@@ -139,8 +127,3 @@ def pose_entry(obj_id: int, R: Floats, t_mm: Floats) -> dict[str, object]:
 
 def _dumps(value: object) -> str:
     return json.dumps(value, allow_nan=False)
-
-
-def _beside(path: Path) -> Path:
-    """A name that nobody else uses, on the same file system."""
-    return path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")

@@ -71,21 +71,28 @@ def _compose(P, Q, out):
 
 @_compiled
 def _gap2(E, G, x, y, z, in_pixels):
-    """Squared distance of one vertex under two poses; infinite if it has no projection."""
+    """Squared error of one vertex, infinite if it has no projection.
+
+    To the last bit as `_leaf_gaps` has it: the result must not hang on who finds the vertex.
+    """
     e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
     g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
-    ex = e00 * x + e01 * y + e02 * z + e03
-    ey = e10 * x + e11 * y + e12 * z + e13
-    ez = e20 * x + e21 * y + e22 * z + e23
-    gx = g00 * x + g01 * y + g02 * z + g03
-    gy = g10 * x + g11 * y + g12 * z + g13
-    gz = g20 * x + g21 * y + g22 * z + g23
-    if not in_pixels:
-        dx, dy, dz = ex - gx, ey - gy, ez - gz
-        gap2 = dx * dx + dy * dy + dz * dz
-    else:
-        dx, dy = ex / ez - gx / gz, ey / ez - gy / gz
+    if in_pixels:
+        ez = e20 * x + e21 * y + e22 * z + e23
+        gz = g20 * x + g21 * y + g22 * z + g23
+        inverse = 1.0 / (ez * gz)
+        ex = e00 * x + e01 * y + e02 * z + e03
+        gx = g00 * x + g01 * y + g02 * z + g03
+        dx = (ex * gz - gx * ez) * inverse
+        ey = e10 * x + e11 * y + e12 * z + e13
+        gy = g10 * x + g11 * y + g12 * z + g13
+        dy = (ey * gz - gy * ez) * inverse
         gap2 = dx * dx + dy * dy
+    else:
+        dx = (e00 - g00) * x + (e01 - g01) * y + (e02 - g02) * z + (e03 - g03)
+        dy = (e10 - g10) * x + (e11 - g11) * y + (e12 - g12) * z + (e13 - g13)
+        dz = (e20 - g20) * x + (e21 - g21) * y + (e22 - g22) * z + (e23 - g23)
+        gap2 = dx * dx + dy * dy + dz * dz
     return gap2 if gap2 >= 0.0 else np.inf
 
 
@@ -150,10 +157,10 @@ def _cell_bounds_mm(E, G, norm2, group, distance2, bound2):
 def _cell_bounds_px(E, G, group, distance2, bound2):
     """As `_cell_bounds_mm` for projections, whose first-order change is M = d(u, v) / d vertex.
 
-    With h the depth and p = third row, u(c + d) - u(c) = M d / (1 + p d / h), exactly. So the
-    difference of two projections changes by (M_e - M_g) d and a rest of at most
-    |M| r q / (1 - q), q = |p| r / |h|, of each. A cell that reaches the camera's plane (q >= 1)
-    has no bound.
+    With p the third row over the depth, u(c + d) - u(c) = M d / (1 + p d), exactly. So the
+    difference of two projections changes by B d, B = M_e - M_g, and a rest of at most
+    |B| r q / (1 - q) + |M_g| r |p_e - p_g| r / (1 - q)^2, q the larger |p| r; all of it vanishes
+    as the poses approach each other. A cell that reaches the camera's plane (q >= 1) has no bound.
     """
     e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
     g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
@@ -163,30 +170,36 @@ def _cell_bounds_px(E, G, group, distance2, bound2):
     nx, ny, nz, thickness = group[4], group[5], group[6], group[7]
     for k in range(len(xs)):  # eight; a constant would keep LLVM from vectorising
         x, y, z, r = xs[k], ys[k], zs[k], radius[k]
-        he = 1.0 / (e20 * x + e21 * y + e22 * z + e23)
-        hg = 1.0 / (g20 * x + g21 * y + g22 * z + g23)
-        ue = (e00 * x + e01 * y + e02 * z + e03) * he
-        ve = (e10 * x + e11 * y + e12 * z + e13) * he
-        ug = (g00 * x + g01 * y + g02 * z + g03) * hg
-        vg = (g10 * x + g11 * y + g12 * z + g13) * hg
-        du, dv = ue - ug, ve - vg
+        ez = e20 * x + e21 * y + e22 * z + e23
+        gz = g20 * x + g21 * y + g22 * z + g23
+        inverse = 1.0 / (ez * gz)
+        ex = e00 * x + e01 * y + e02 * z + e03
+        gx = g00 * x + g01 * y + g02 * z + g03
+        du = (ex * gz - gx * ez) * inverse
+        ey = e10 * x + e11 * y + e12 * z + e13
+        gy = g10 * x + g11 * y + g12 * z + g13
+        dv = (ey * gz - gy * ez) * inverse
+        he, hg = gz * inverse, ez * inverse
+        ue, ve, ug, vg = ex * he, ey * he, gx * hg, gy * hg
         m0, n0 = (e00 - ue * e20) * he, (g00 - ug * g20) * hg
         m1, n1 = (e01 - ue * e21) * he, (g01 - ug * g21) * hg
         m2, n2 = (e02 - ue * e22) * he, (g02 - ug * g22) * hg
         m3, n3 = (e10 - ve * e20) * he, (g10 - vg * g20) * hg
         m4, n4 = (e11 - ve * e21) * he, (g11 - vg * g21) * hg
         m5, n5 = (e12 - ve * e22) * he, (g12 - vg * g22) * hg
-        size_e = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2 + m3 * m3 + m4 * m4 + m5 * m5)
-        size_g = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2 + n3 * n3 + n4 * n4 + n5 * n5)
+        size = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2 + n3 * n3 + n4 * n4 + n5 * n5)
         m0, m1, m2, m3, m4, m5 = m0 - n0, m1 - n1, m2 - n2, m3 - n3, m4 - n4, m5 - n5
         norm2 = m0 * m0 + m1 * m1 + m2 * m2 + m3 * m3 + m4 * m4 + m5 * m5
-        gx, gy, gz = m0 * du + m3 * dv, m1 * du + m4 * dv, m2 * du + m5 * dv
-        normal = gx * nx[k] + gy * ny[k] + gz * nz[k]
-        tangent = math.sqrt(abs(gx * gx + gy * gy + gz * gz - normal * normal))
+        rx, ry, rz = m0 * du + m3 * dv, m1 * du + m4 * dv, m2 * du + m5 * dv
+        normal = rx * nx[k] + ry * ny[k] + rz * nz[k]
+        tangent = math.sqrt(abs(rx * rx + ry * ry + rz * rz - normal * normal))
         d2 = du * du + dv * dv
         rise = 2.0 * (tangent * r + abs(normal) * thickness[k])
+        p0, p1, p2 = e20 * he - g20 * hg, e21 * he - g21 * hg, e22 * he - g22 * hg
+        apart = math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
         qe, qg = reach_e * r * abs(he), reach_g * r * abs(hg)
-        rest = r * (size_e * qe / (1.0 - qe) + size_g * qg / (1.0 - qg))
+        q = qe if qe > qg else qg
+        rest = (math.sqrt(norm2) * q + size * apart * r / (1.0 - q)) * r / (1.0 - q)
         most = math.sqrt(d2 + rise + norm2 * r * r) + rest
         distance2[k] = d2
         bound2[k] = most * most * _UP if qe < 1.0 and qg < 1.0 else np.inf

@@ -24,10 +24,10 @@ ROW_LOOP_COLUMNS = 6
 """Up to here testing each pixel of a row is faster than solving for the row's ends."""
 
 _compile = njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
-_inline = njit(nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+_part = njit(nogil=True, error_model="numpy", fastmath={"contract"})
 
 
-@_compile
+@_part
 def _project_vertices(vertices, P, near, width, height, projected, cells):
     """Fill ``projected`` (4V: u - 0.5, v - 0.5, 1/z, unused) and ``cells`` (V) of all vertices.
 
@@ -62,7 +62,7 @@ def _project_vertices(vertices, P, near, width, height, projected, cells):
     return x0, y0, x1, y1, behind != 0
 
 
-@_inline
+@_part
 def _keep_nearest(inverse_z, at, b1, b2, w):
     """Raise the pixel to ``w`` if it is inside the triangle and nearer; without a branch."""
     old = inverse_z[at]
@@ -71,7 +71,7 @@ def _keep_nearest(inverse_z, at, b1, b2, w):
     inverse_z[at] = new if new > old else old
 
 
-@_inline
+@_part
 def _narrow_to_edge(b, step, low, high):
     """Part of [low, high] where ``b + x * step >= -EDGE_SLACK``."""
     if step == 0.0:
@@ -82,7 +82,7 @@ def _narrow_to_edge(b, step, low, high):
     return low, min(high, end)
 
 
-@_compile
+@_part
 def _draw_box(inverse_z, stride, at, columns, rows, start, by_x, by_y):
     """A triangle whose box is larger than 2 x 2; tuples hold b1, b2, 1/z at the first pixel."""
     b1, b2, w = start
@@ -109,7 +109,7 @@ def _draw_box(inverse_z, stride, at, columns, rows, start, by_x, by_y):
         b1, b2, w = b1 + by_y[0], b2 + by_y[1], w + by_y[2]
 
 
-@_compile
+@_part
 def _draw_triangles(faces, projected, cells, x0, y0, stride, inverse_z):
     """Draw all triangles; the first value is pixel (x0, y0), rows have ``stride`` values."""
     origin = y0 * stride + x0

@@ -13,15 +13,15 @@ from numba import njit
 EDGE_SLACK = 1e-11
 
 _compile = njit(nogil=True, cache=True, error_model="numpy")
-_inline = njit(nogil=True, error_model="numpy", inline="always")
+_part = njit(nogil=True, error_model="numpy")
 
 
-@_inline
+@_part
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@_inline
+@_part
 def _pixels_around(a, b, c, size):
     """First pixel and end along one image axis; a, b, c are the corners' projections."""
     low, high = min(a, min(b, c)) - 0.5, max(a, max(b, c)) - 0.5

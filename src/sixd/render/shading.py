@@ -99,7 +99,7 @@ def shade(
                 np.linalg.inv(K),
                 (item.mesh.faces, *camera_normals(item)),
                 paint(item, int(n_samples[i])),
-                (to_light, light.ambient, light.highlight),
+                (tuple(to_light.tolist()), light.ambient, light.highlight),
                 (shadow.nearest_mm, shadow.P, shadow.texel_mm),
                 rgb,
             )

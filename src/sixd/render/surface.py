@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sixd.errors import MissingDataError
 from sixd.geometry.mesh import Mesh
 from sixd.geometry.pose import Floats
 from sixd.render.scene import SceneObject
 
-Values = NDArray[np.float32]
 PLAIN = (176, 176, 180)
 """Colour of a mesh that has none."""
 
@@ -33,7 +31,7 @@ def camera_normals(item: SceneObject) -> tuple[Floats, Floats]:
     return _unit(by_area) @ to_camera, _unit(at_vertices) @ to_camera
 
 
-def paint(item: SceneObject, n_samples: int) -> tuple[Values, Values, Values]:
+def paint(item: SceneObject, n_samples: int) -> tuple[Floats, Floats, Floats]:
     """Vertex colours ``(V, 3)``, texture ``(h, w, 3)``, texture coordinates ``(F, 3, 2)``.
 
     The texture is empty where the colours are to be used: the object's one colour comes first, then
@@ -47,17 +45,17 @@ def paint(item: SceneObject, n_samples: int) -> tuple[Values, Values, Values]:
         MissingDataError: the texture is missing or cannot be read.
     """
     mesh = item.mesh
-    colors = np.full(mesh.vertices_mm.shape, item.color or PLAIN, np.float32)
-    no_texture, no_uv = np.zeros((0, 1, 3), np.float32), np.zeros((0, 3, 2), np.float32)
+    colors = np.full(mesh.vertices_mm.shape, item.color or PLAIN, np.float64)
+    no_texture, no_uv = np.zeros((0, 1, 3)), np.zeros((0, 3, 2))
     if item.color is None and mesh.texture_file is not None and mesh.corner_uv is not None:
         texture = _shrunk_texture(mesh, mesh.corner_uv, n_samples)
-        return colors, texture, mesh.corner_uv.astype(np.float32)
+        return colors, texture, mesh.corner_uv
     if item.color is None and mesh.colors is not None:
-        colors = mesh.colors.astype(np.float32)
+        colors = mesh.colors.astype(np.float64)
     return colors, no_texture, no_uv
 
 
-def _shrunk_texture(mesh: Mesh, corner_uv: Floats, n_samples: int) -> Values:
+def _shrunk_texture(mesh: Mesh, corner_uv: Floats, n_samples: int) -> Floats:
     import cv2
 
     image = cv2.imread(str(mesh.texture_file), cv2.IMREAD_COLOR)
@@ -71,7 +69,7 @@ def _shrunk_texture(mesh: Mesh, corner_uv: Floats, n_samples: int) -> Values:
     if shrink < 1:
         size = (max(1, round(width * shrink)), max(1, round(height * shrink)))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    return np.ascontiguousarray(image[..., ::-1], np.float32)
+    return np.ascontiguousarray(image[..., ::-1], np.float64)
 
 
 def _unit(vectors: Floats) -> Floats:

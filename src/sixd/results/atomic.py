@@ -5,21 +5,15 @@ from __future__ import annotations
 import gzip
 from pathlib import Path
 
-from sixd.errors import MissingDataError
+from sixd.files import write_atomically
 
 
 def write_results_text(path: str | Path, text: bytes) -> None:
-    """Write beside the target, then move onto it; a name that ends in ``.gz`` is compressed.
+    """Write atomically; a name that ends in ``.gz`` is compressed.
 
     Raises:
         MissingDataError: the folder may not be written.
     """
-    from sixd.datasets.writing import write_bytes
-
-    path = Path(path)
-    if path.suffix == ".gz":
-        text = gzip.compress(text, mtime=0)  # equal results, equal bytes
-    try:
-        write_bytes(path, text)
-    except OSError as error:
-        raise MissingDataError(f"{path}: cannot be written: {error.strerror}") from error
+    # No time in the header: equal results, equal bytes.
+    is_gzip = Path(path).suffix == ".gz"
+    write_atomically(path, gzip.compress(text, mtime=0) if is_gzip else text)

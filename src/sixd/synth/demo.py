@@ -23,7 +23,6 @@ from sixd.datasets.writing import (
     mask_name,
     new_folder,
     pose_entry,
-    write_bytes,
     write_coco,
     write_depth,
     write_image,
@@ -32,6 +31,7 @@ from sixd.datasets.writing import (
     write_mask,
 )
 from sixd.errors import UsageError
+from sixd.files import write_atomically
 from sixd.geometry.mesh import Mesh, write_ply
 from sixd.synth.capture import Capture, capture
 from sixd.synth.creases import creased
@@ -141,7 +141,7 @@ def _write_models(
         info = {obj_id: item.models_info() for obj_id, item in objects.items()}
         write_json_object(folder / name / "models_info.json", info)
     ids = ",".join(map(str, objects))
-    write_bytes(folder / "dataset.toml", _DATASET_TOML.format(objects=ids).encode())
+    write_atomically(folder / "dataset.toml", _DATASET_TOML.format(objects=ids).encode())
     K = kinect_like_camera(size_px)
     camera = {
         "cx": K[0, 2],
