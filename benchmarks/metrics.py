@@ -9,22 +9,22 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
+from typing import Any
 
-import numba
 import numpy as np
+from machine import machine, print_table, write_json
 
 from sixd.geometry import Pose, Symmetries, SymmetryAxis
 from sixd.metrics import fast
 
-OUT = Path(__file__).parent / "out" / "metrics.json"
+Row = dict[str, Any]
 K = np.array([[1075.0, 0, 360], [0, 1073, 270], [0, 0, 1]])
+IN_VIEW = np.array([0, 0, 700.0])
 Z_AXIS = SymmetryAxis(np.array([0, 0, 1.0]), np.zeros(3))
 FIRST_USE = """
 import time
@@ -69,7 +69,7 @@ def pairs(rng: np.random.Generator, n: int) -> tuple[Pose, Pose]:
     """Half of the estimates a few degrees off, a quarter turned at random, a quarter elsewhere."""
     gt = Pose(
         rotation(rng.normal(size=(n, 3)), rng.uniform(0, np.pi, n)),
-        rng.uniform(-150, 150, (n, 3)) + [0, 0, 700],
+        rng.uniform(-150, 150, (n, 3)) + IN_VIEW,
     )
     kind = rng.choice(3, n, p=[0.5, 0.25, 0.25])
     angle = np.where(kind == 0, np.radians(rng.exponential(8, n)), rng.uniform(0, np.pi, n))
@@ -87,97 +87,95 @@ def cpu_seconds(call: Callable[[], object]) -> float:
     return best
 
 
-def us_per_pair(n: int, n_vertices: int, symmetries: Pose) -> dict[str, float]:
+def row(what: str, n: int, n_vertices: int, symmetries: Pose) -> Row:
     rng = np.random.default_rng(0)
     cells = fast.VertexCells.build(body_of_revolution(rng, n_vertices))
     est, gt = pairs(rng, n)
+    mssd_s = cpu_seconds(lambda: fast.mssd(est, gt, cells, symmetries))
+    mspd_s = cpu_seconds(lambda: fast.mspd(est, gt, cells, symmetries, K))
     return {
-        "mssd": cpu_seconds(lambda: fast.mssd(est, gt, cells, symmetries)) / n * 1e6,
-        "mspd": cpu_seconds(lambda: fast.mspd(est, gt, cells, symmetries, K)) / n * 1e6,
+        "growing": what,
+        "pairs": n,
+        "vertices": n_vertices,
+        "symmetries": len(symmetries),
+        "MSSD us/pair": mssd_s / n * 1e6,
+        "MSPD us/pair": mspd_s / n * 1e6,
     }
 
 
-def t_less_like(n_pairs: int) -> dict[str, float]:
+def growth(quick: bool) -> list[Row]:
+    one, turns = Pose.identity(1), Symmetries(axes=(Z_AXIS,)).transforms()
+    two_axes = Symmetries(axes=(Z_AXIS, SymmetryAxis(np.array([1.0, 0, 0]), np.zeros(3))))
+    sets = [one, Z_AXIS.rotations(2), Z_AXIS.rotations(16), turns, two_axes.transforms()]
+    n = 500 if quick else 2000
+    return [
+        *(row("pairs", k, 8000, one) for k in (1000, 10_000, 100_000)[: 2 if quick else 3]),
+        *(row("vertices", n, k, one) for k in (1000, 4000, 16_000, 64_000)),
+        *(row("symmetries", n, 8000, group) for group in sets),
+    ]
+
+
+def mean_errors(n: int) -> list[Row]:
+    rng = np.random.default_rng(0)
+    cells = fast.VertexCells.build(body_of_revolution(rng, 8000))
+    est, gt = pairs(rng, n)
+    calls = {"ADD": lambda: fast.add(est, gt, cells), "ADI": lambda: fast.adi(est, gt, cells)}
+    return [
+        {"error": name, "vertices": 8000, "us/pair": cpu_seconds(call) / n * 1e6}
+        for name, call in calls.items()
+    ]
+
+
+def t_less_like(n_pairs: int) -> list[Row]:
     """30 objects of 5k to 20k vertices: 12 continuous axes, 16 half turns, 2 without symmetry."""
     rng = np.random.default_rng(0)
-    total = {"build": 0.0, "mssd": 0.0, "mspd": 0.0}
     half_turn = Symmetries(Z_AXIS.rotations(2)[1:]).transforms()
     continuous = Symmetries(axes=(Z_AXIS,)).transforms()
+    times = np.zeros(4)
     for obj in range(30):
         symmetries = continuous if obj < 12 else half_turn if obj < 28 else Pose.identity(1)
         points = body_of_revolution(rng, 5000 + 500 * obj)
         est, gt = pairs(rng, n_pairs // 30)
-        start = time.process_time()
+        clock = [time.process_time()]
         cells = fast.VertexCells.build(points)
-        built = time.process_time()
+        clock.append(time.process_time())
         fast.mssd(est, gt, cells, symmetries)
-        middle = time.process_time()
+        clock.append(time.process_time())
         fast.mspd(est, gt, cells, symmetries, K)
-        end = time.process_time()
-        for name, seconds in zip(total, (built - start, middle - built, end - middle), strict=True):
-            total[name] += seconds
-    return total
+        clock.append(time.process_time())
+        times += [*np.diff(clock), clock[-1] - clock[0]]
+    names = "cells", "MSSD", "MSPD", "sum"
+    return [
+        {"T-LESS-like": name, "pairs": n_pairs, "CPU s": float(s)}
+        for name, s in zip(names, times, strict=True)
+    ]
 
 
-def first_use() -> dict[str, float]:
-    """CPU seconds with an empty cache of compiled code."""
+def first_use() -> list[Row]:
+    """With an empty cache of compiled code."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
         command = [sys.executable, "-c", FIRST_USE]
         done = subprocess.run(command, env=environment, capture_output=True, check=True, text=True)
-    return json.loads(done.stdout)
-
-
-def growth(quick: bool) -> dict[str, dict[str, dict[str, float]]]:
-    one, turns = Pose.identity(1), Symmetries(axes=(Z_AXIS,)).transforms()
-    two_axes = Symmetries(axes=(Z_AXIS, SymmetryAxis(np.array([1.0, 0, 0]), np.zeros(3))))
-    n = 500 if quick else 2000
-    sets = {"1": one, "2": Z_AXIS.rotations(2), "16": Z_AXIS.rotations(16), "315": turns}
-    sets["630"] = two_axes.transforms()
-    return {
-        "pairs": {str(k): us_per_pair(k, 8000, one) for k in (1000, 10_000, 100_000)[: 3 - quick]},
-        "vertices": {str(k): us_per_pair(n, k, one) for k in (1000, 4000, 16_000, 64_000)},
-        "symmetries": {name: us_per_pair(n, 8000, group) for name, group in sets.items()},
-    }
-
-
-def mean_errors(n: int) -> dict[str, float]:
-    rng = np.random.default_rng(0)
-    cells = fast.VertexCells.build(body_of_revolution(rng, 8000))
-    est, gt = pairs(rng, n)
-    return {
-        "add": cpu_seconds(lambda: fast.add(est, gt, cells)) / n * 1e6,
-        "adi": cpu_seconds(lambda: fast.adi(est, gt, cells)) / n * 1e6,
-    }
+    return [{"first use of": name, "CPU s": s} for name, s in json.loads(done.stdout).items()]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer pairs")
     quick = parser.parse_args().quick
-    report = {
-        "machine": {"processor": platform.processor(), "system": platform.platform()},
-        "versions": {
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "numba": numba.__version__,
-        },
-        "first use, CPU s": first_use(),
-        "growth, us per pair": growth(quick),
-        "ADD and ADI, 8000 vertices, us per pair": mean_errors(50 if quick else 200),
-        "T-LESS-like, 50,000 pairs, CPU s": t_less_like(50_000),
-    }
-    OUT.parent.mkdir(exist_ok=True)
-    OUT.write_text(json.dumps(report, indent=1) + "\n")
-    for title, table in report.items():
-        print(f"\n{title}")
-        for name, row in table.items():
-            if isinstance(row, dict) and all(isinstance(v, dict) for v in row.values()):
-                print(f"  by number of {name}")
-                for key, values in row.items():
-                    print(f"    {key:>8}  " + "  ".join(f"{k} {v:8.1f}" for k, v in values.items()))
-            else:
-                print(f"  {name:>12}  {row:.2f}" if isinstance(row, float) else f"  {name}: {row}")
+    print(machine())
+    rows: list[Row] = []
+    for table in (
+        first_use(),
+        growth(quick),
+        mean_errors(50 if quick else 200),
+        t_less_like(50_000),
+    ):
+        print()
+        print_table(table)
+        rows += table
+    print("\nwritten:", write_json("metrics", rows))
 
 
 if __name__ == "__main__":

@@ -126,7 +126,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(MissingDataError, match="disk full"):
         write_ply(path, Mesh(CUBE_MM / 3, np.zeros((0, 3), int)))
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["mesh.ply"]

@@ -219,8 +219,15 @@ def test_arguments_that_do_not_fit_are_refused():
         fast.mssd(two, two, cells, Pose.identity())
     with pytest.raises(ShapeError, match="cameras must be one or 2"):
         fast.mspd_cameras(two, two, cells, IDENTITY, [CAMERA])
-    with pytest.raises(ShapeError, match="finite"):
-        fast.VertexCells.build(np.full((3, 3), np.nan))
+    with pytest.raises(ShapeError, match=r"K must have shape \(2, 3, 3\) or \(3, 3\), got \(3,\)"):
+        fast.mspd(two, two, cells, IDENTITY, np.ones(3))
+    with pytest.raises(ShapeError, match="params must have shape"):
+        fast.mspd_fisheye624(two, two, cells, IDENTITY, np.ones(15))
+    with pytest.raises(ShapeError, match="V > 0"):
+        fast.VertexCells.build(np.zeros((0, 3)))
+    for bad in (np.nan, np.inf, 1e200):
+        with pytest.raises(UsageError, match="finite"):
+            fast.VertexCells.build(np.full((3, 3), bad))
 
     class Other:
         def project(self, points_mm):

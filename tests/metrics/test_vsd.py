@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,7 @@ from sixd.errors import SixdError
 from sixd.geometry import Pose
 from sixd.metrics import reference_rendered
 from sixd.metrics.vsd import vsd_pairs
+from sixd.render.visibility import distance_image_mm
 from tests.metrics.vsd_scenes import DELTA_MM, TAUS, SmallScene, small_scene
 from tests.render.shapes import K
 from tests.strategies import seeds
@@ -24,7 +27,9 @@ def fast(scene: SmallScene, pairs: np.ndarray | None = None, taus=TAUS, **option
 
 @settings(max_examples=20)
 @given(seed=seeds)
-@pytest.mark.parametrize("options", [{}, {"sphere_check": False}, {"tau_in_mm": True}])
+@pytest.mark.parametrize(
+    "options", [{}, {"sphere_check": False}, {"tau_in_mm": True}, {"missing_hides": True}]
+)
 def test_the_fast_error_is_the_defined_error(seed, options):
     scene = small_scene(np.random.default_rng(seed))
     taus = 150 * TAUS if options.get("tau_in_mm") else TAUS
@@ -71,6 +76,13 @@ def test_pairs_do_not_influence_one_another(seed):
         assert np.array_equal(fast(scene, scene.pairs[row : row + 1]), errors[row : row + 1])
 
 
+def test_threads_do_not_influence_one_another():
+    scenes = [small_scene(np.random.default_rng(seed), n_estimates=8) for seed in range(24)]
+    expected = [fast(scene) for scene in scenes]
+    with ThreadPoolExecutor(4) as pool:
+        assert np.array_equal(list(pool.map(fast, scenes)), expected)
+
+
 @given(seed=seeds)
 def test_tolerances_may_come_in_any_order(seed):
     rng = np.random.default_rng(seed)
@@ -107,7 +119,7 @@ def test_a_surface_off_by_exactly_the_tolerance_is_wrong():
 
 def test_distances_use_integer_pixel_coordinates():
     """Although renderings sample pixel centres: the numbers of the benchmark were made so."""
-    distances = reference_rendered.distance_image_mm(np.full((36, 48), 100.0), K)
+    distances = distance_image_mm(np.full((36, 48), 100.0), K)
     expected = 100 * np.sqrt(1 + ((40 - K[0, 2]) / K[0, 0]) ** 2 + ((3 - K[1, 2]) / K[1, 1]) ** 2)
     assert distances[3, 40] == pytest.approx(expected, rel=1e-15)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sixd.errors import SixdError
 from sixd.geometry import Mesh, Pose
-from sixd.render import RenderMesh, render_crop, render_depth
+from sixd.render import RenderMesh, raster, render_crop, render_depth
 from tests.render.shapes import FRONT, SIZE_PX, K, blob, sheet, shifted, soup, sphere
 from tests.strategies import random_poses, seeds
 
@@ -24,6 +24,20 @@ def test_the_order_of_the_triangles_does_not_matter(seed):
     shuffled = Mesh(mesh.vertices_mm, rng.permutation(mesh.faces))
     first, second = (render_depth(m, FRONT, K, SIZE_PX) for m in (mesh, shuffled))
     assert np.array_equal(first, second)
+
+
+def test_the_order_of_large_meshes_does_not_matter_either(monkeypatch):
+    """They are sorted for the cache."""
+    rng = np.random.default_rng(2)
+    ball = sphere(100, rings=70)
+    order = rng.permutation(len(ball.vertices_mm))
+    rank = np.argsort(order)
+    mixed = Mesh(ball.vertices_mm[order], rank[ball.faces])
+    pose = random_poses(rng, 1, spread_mm=100)[0]
+    assert len(order) > raster.CACHED_VERTICES
+    in_order = render_depth(mixed, pose, K, SIZE_PX)
+    monkeypatch.setattr(raster, "CACHED_VERTICES", len(order))
+    assert np.array_equal(render_depth(mixed, pose, K, SIZE_PX), in_order)
 
 
 @given(seed=seeds)

@@ -96,4 +96,5 @@ class VsdTask:
             np.asarray(self.spec.taus),
             tau_in_mm=self.spec.tau_unit == "mm",
             sphere_check=self.reach_check,
+            missing_hides=self.spec.missing_depth_hides,
         )

@@ -36,6 +36,8 @@ class ErrorSpec:
     taus: tuple[float, ...] = ()
     """VSD only: misalignment tolerances, in diameters or in mm as ``tau_unit`` says."""
     tau_unit: Literal["diameter", "mm"] = "diameter"
+    missing_depth_hides: bool = False
+    """VSD only: a pixel without a reading hides the model (2018), or hides nothing (since 2019)."""
     suffix: str = ""
     """Distinguishes two uses of one error in one protocol (``mssd`` and ``mssd_mm``)."""
 
@@ -175,7 +177,11 @@ PROTOCOLS: dict[str, EvalProtocol] = {
             task="single-instance",
             statistic="recall",
             targets_file="test_targets_bop18.json",
-            errors=(ErrorSpec("vsd", "fraction", (0.3,), taus=(20.0,), tau_unit="mm"),),
+            errors=(
+                ErrorSpec(
+                    "vsd", "fraction", (0.3,), taus=(20.0,), tau_unit="mm", missing_depth_hides=True
+                ),
+            ),
             score="AR",
             headline=("vsd",),
             visib_min=0.1,

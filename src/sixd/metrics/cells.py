@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sixd.errors import ShapeError, check_shape
+from sixd.errors import ShapeError, UsageError, check_shape
 from sixd.geometry.pose import Floats
 
+_LARGEST_MM = 1e100
+"""Squares of what is larger have no number."""
 _FANOUT = 8
 _LEAF_SIZE = 96
 """Vertices of a leaf, at most."""
@@ -37,8 +39,10 @@ class VertexCells:
     def build(cls, points_mm: Floats) -> VertexCells:
         """Sort vertices ``(V, 3)`` into cells by halving along the widest extent."""
         check_shape("points_mm", points_mm, (3,))
-        if points_mm.ndim != 2 or not len(points_mm) or not np.isfinite(points_mm).all():
-            raise ShapeError(f"points_mm must be (V, 3), V > 0, finite; got {points_mm.shape}")
+        if points_mm.ndim != 2 or not len(points_mm):
+            raise ShapeError(f"points_mm must have shape (V, 3), V > 0, got {points_mm.shape}")
+        if not (np.abs(points_mm) < _LARGEST_MM).all():  # NaN too
+            raise UsageError(f"points_mm must be finite and below {_LARGEST_MM:g}")
         points_mm = np.ascontiguousarray(points_mm, np.float64)
         count = len(points_mm)
         depth = 0

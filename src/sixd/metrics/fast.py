@@ -54,8 +54,7 @@ def mspd(
     Returns:
         ``(N,)``; infinite for a pose that is not finite or a vertex without projection.
     """
-    K = np.broadcast_to(K, (len(est), 3, 3))
-    return _symmetric_max(est, gt, cells, symmetries, K, workers)
+    return _symmetric_max(est, gt, cells, symmetries, _of_pairs("K", K, est, (3, 3)), workers)
 
 
 def mspd_fisheye624(
@@ -76,7 +75,7 @@ def mspd_fisheye624(
     """
     from sixd.metrics.fisheye import mspd_fisheye_pairs
 
-    params = np.ascontiguousarray(np.broadcast_to(params, (len(est), 16)), np.float64)
+    params = np.ascontiguousarray(_of_pairs("params", params, est, (16,)))
     probes = _probes(cells, symmetries)
     points = np.concatenate([probes, cells.points_mm])
     sym = _matrices(symmetries)
@@ -136,8 +135,7 @@ def projection(
     workers: int = 1,
 ) -> Floats:
     """`reference.projection` for pinhole cameras, K ``(N, 3, 3)`` or ``(3, 3)``; px: ``(N,)``."""
-    K = np.broadcast_to(K, (len(est), 3, 3))
-    return _mean(est, gt, cells, symmetries, K, workers)
+    return _mean(est, gt, cells, symmetries, _of_pairs("K", K, est, (3, 3)), workers)
 
 
 def adi(est: Pose, gt: Pose, cells: VertexCells, *, workers: int = 1) -> Floats:
@@ -213,6 +211,15 @@ def _run(kernel: _Kernel, est: Pose, gt: Pose, workers: int) -> Floats:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, np.array_split(rows, 4 * workers)))
     return errors
+
+
+def _of_pairs(name: str, values: Floats, est: Pose, tail: tuple[int, ...]) -> Floats:
+    """One array for all pairs, or one for each: as one for each."""
+    values = np.asarray(values, np.float64)
+    shape = (*est.batch_shape, *tail)
+    if values.shape not in (tail, shape):
+        raise ShapeError(f"{name} must have shape {shape} or {tail}, got {values.shape}")
+    return np.broadcast_to(values, shape)
 
 
 def _matrices(poses: Pose) -> Floats:

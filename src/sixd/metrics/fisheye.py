@@ -6,14 +6,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from sixd.metrics.kernels import _compose
-
-_compiled = njit(nogil=True, cache=True, error_model="numpy")
+from sixd.metrics.kernels import compiled, compose, inner
 
 
-@_compiled
+@inner
 def _project(P, x, y, z, c):
     """Pixel of a posed vertex; c ``(16,)``, the equations of `sixd.geometry.Fisheye624Camera`."""
     X = P[0] * x + P[1] * y + P[2] * z + P[3]
@@ -31,13 +28,13 @@ def _project(P, x, y, z, c):
     return c[0] * u + c[2], c[1] * v + c[3]
 
 
-@_compiled
+@inner
 def _squared(u, v):
     gap2 = u * u + v * v
     return gap2 if gap2 >= 0.0 else np.inf
 
 
-@_compiled
+@compiled
 def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, bounds2, pixels, G, out):
     """MSPD of each pair, px.
 
@@ -53,7 +50,7 @@ def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, bounds2, pixels, 
             pixels[k, 0], pixels[k, 1] = _project(est[i], x, y, z, camera)
         start = 0
         for s in range(len(sym)):
-            _compose(gt[i], sym[s], G)
+            compose(gt[i], sym[s], G)
             bounds2[s] = 0.0
             for k in range(n_probes):
                 u, v = _project(G, points[k, 0], points[k, 1], points[k, 2], camera)
@@ -66,7 +63,7 @@ def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, bounds2, pixels, 
             largest2 = bounds2[s]
             if largest2 >= best2:
                 continue
-            _compose(gt[i], sym[s], G)
+            compose(gt[i], sym[s], G)
             for n in range(-1, len(points)):
                 # The vertex that decided last time often decides again.
                 k = witness if n < 0 else n

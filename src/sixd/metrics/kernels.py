@@ -11,23 +11,27 @@ and minimum of the rounded errors.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
-_compiled = njit(nogil=True, cache=True, error_model="numpy")
+compiled = njit(nogil=True, cache=True, error_model="numpy")
+# Called from compiled code alone: without entry points from Python and C they compile faster.
+_NO_ENTRY: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+inner = njit(nogil=True, error_model="numpy", **_NO_ENTRY)
 
 _UP = 1 + 1e-9
 """Bounds are widened by this, so that rounding never prunes the largest vertex."""
 
 
-@_compiled
+@inner
 def _entries(P):
     """The 12 entries of a pose as a tuple: cheap to compile, and LLVM keeps it in registers."""
     return P[0], P[1], P[2], P[3], P[4], P[5], P[6], P[7], P[8], P[9], P[10], P[11]
 
 
-@_compiled
+@inner
 def _defect(P):
     """Frobenius norm of R^T R - 1, which bounds the way to the nearest rotation.
 
@@ -46,7 +50,7 @@ def _defect(P):
     return math.sqrt(total)
 
 
-@_compiled
+@inner
 def _norm2(P, Q, defect):
     """A bound on |R_p - R_q|^2, the rotations being ``defect`` from true ones."""
     total = 0.0
@@ -60,8 +64,8 @@ def _norm2(P, Q, defect):
     return min(total, norm * norm)
 
 
-@_compiled
-def _compose(P, Q, out):
+@inner
+def compose(P, Q, out):
     """Write P Q to out, as if all were 4x4 with last row 0 0 0 1."""
     for r in range(0, 12, 4):
         for c in range(4):
@@ -69,7 +73,7 @@ def _compose(P, Q, out):
         out[r + 3] += P[r + 3]
 
 
-@_compiled
+@inner
 def _gap2(E, G, x, y, z, in_pixels):
     """Squared error of one vertex, infinite if it has no projection.
 
@@ -96,7 +100,7 @@ def _gap2(E, G, x, y, z, in_pixels):
     return gap2 if gap2 >= 0.0 else np.inf
 
 
-@_compiled
+@inner
 def _probe(E, G, probe, moved, in_pixels, bounds2):
     """Raise each symmetry's lower bound to the squared error of one vertex.
 
@@ -127,7 +131,7 @@ def _probe(E, G, probe, moved, in_pixels, bounds2):
             bounds2[s] = d2 if d2 > bounds2[s] else bounds2[s]
 
 
-@_compiled
+@inner
 def _cell_bounds_mm(E, G, norm2, group, distance2, bound2):
     """Squared error at the centre of 8 cells, and the most it can be within each."""
     e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
@@ -153,7 +157,7 @@ def _cell_bounds_mm(E, G, norm2, group, distance2, bound2):
         bound2[k] = (d2 + rise + norm2 * radius[k] * radius[k]) * _UP
 
 
-@_compiled
+@inner
 def _cell_bounds_px(E, G, group, distance2, bound2):
     """As `_cell_bounds_mm` for projections, whose first-order change is M = d(u, v) / d vertex.
 
@@ -205,7 +209,7 @@ def _cell_bounds_px(E, G, group, distance2, bound2):
         bound2[k] = most * most * _UP if qe < 1.0 and qg < 1.0 else np.inf
 
 
-@_compiled
+@inner
 def _leaf_gaps(E, G, leaf, in_pixels, distance2):
     """Squared errors of all vertices of a leaf."""
     e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
@@ -234,7 +238,7 @@ def _leaf_gaps(E, G, leaf, in_pixels, distance2):
             distance2[k] = dx * dx + dy * dy + dz * dz
 
 
-@_compiled
+@inner
 def _push(node, bound2, best2, stack, stack2, top):
     """Put the children that can hold more than ``best2`` on the stack; returns its height."""
     # The highest bound goes on top: visited first, it raises the bar for the others.
@@ -252,7 +256,7 @@ def _push(node, bound2, best2, stack, stack2, top):
     return top
 
 
-@_compiled
+@inner
 def _largest_gap2(E, G, norm2, in_pixels, groups, leaves, stop2, rows, stack, witness):
     """Largest squared error over all vertices; stops early once it is at least ``stop2``.
 
@@ -290,7 +294,7 @@ def _largest_gap2(E, G, norm2, in_pixels, groups, leaves, stop2, rows, stack, wi
     return best2
 
 
-@_compiled
+@compiled
 def symmetric_max_pairs(
     est, gt, sym, probes, moved, groups, leaves, in_pixels, bounds2, rows, stack, out
 ):
@@ -326,7 +330,7 @@ def symmetric_max_pairs(
                 if bounds2[s] >= best2:
                     continue
                 bounds2[s] = np.inf  # done with
-                _compose(gt[i], sym[s], moved_gt)
+                compose(gt[i], sym[s], moved_gt)
                 G = _entries(moved_gt)
                 # The vertex that decided last time often decides again.
                 if _gap2(E, G, witness[0], witness[1], witness[2], in_pixels) >= best2:
@@ -339,7 +343,7 @@ def symmetric_max_pairs(
         out[i] = math.sqrt(best2)
 
 
-@_compiled
+@compiled
 def mean_pairs(est, gt, sym, points, in_pixels, moved_gt, distance2, out):
     """ADD or the projection error of each pair: min over symmetries of the mean over vertices.
 
@@ -349,7 +353,7 @@ def mean_pairs(est, gt, sym, points, in_pixels, moved_gt, distance2, out):
     for i in range(len(out)):
         out[i] = np.inf
         for s in range(len(sym)):
-            _compose(gt[i], sym[s], moved_gt)
+            compose(gt[i], sym[s], moved_gt)
             _leaf_gaps(_entries(est[i]), _entries(moved_gt), points, in_pixels, distance2)
             total = 0.0
             for k in range(len(distance2)):
@@ -358,7 +362,7 @@ def mean_pairs(est, gt, sym, points, in_pixels, moved_gt, distance2, out):
                 out[i] = total / len(distance2)
 
 
-@_compiled
+@inner
 def _pose_rows(P, rows, out):
     """Write the ``(3, M)`` columns of rows to out, posed."""
     p00, p01, p02, p03, p10, p11, p12, p13, p20, p21, p22, p23 = _entries(P)
@@ -369,7 +373,7 @@ def _pose_rows(P, rows, out):
         out[2, k] = p20 * xs[k] + p21 * ys[k] + p22 * zs[k] + p23
 
 
-@_compiled
+@inner
 def _nearest_gap2(x, y, z, groups, reach, leaves, rows, stack, near):
     """Squared distance to the nearest posed vertex; ``near`` begins and ends with that vertex.
 
@@ -413,7 +417,7 @@ def _nearest_gap2(x, y, z, groups, reach, leaves, rows, stack, near):
     return best2
 
 
-@_compiled
+@compiled
 def adi_pairs(
     est, gt, points, groups, leaves, posed_points, posed_groups, posed_leaves, rows, stack, out
 ):

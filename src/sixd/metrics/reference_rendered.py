@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from sixd.geometry.mesh import Mesh
 from sixd.geometry.pose import Floats, Pose
 from sixd.render import reference
+from sixd.render.visibility import distance_image_mm, visible
 
 Bools = NDArray[np.bool_]
 
@@ -24,6 +25,7 @@ def vsd(
     *,
     tau_in_mm: bool = False,
     sphere_check: bool = True,
+    missing_hides: bool = False,
 ) -> Floats:
     """Visible Surface Discrepancy of one estimate (Hodan et al., ECCVW 2016; BOP rules 5 and 6).
 
@@ -38,6 +40,7 @@ def vsd(
         taus: ``(T,)`` tolerances of misalignment, in diameters.
         tau_in_mm: taus are millimetres instead.
         sphere_check: the error is 1 if the bounding spheres do not overlap in the image.
+        missing_hides: a pixel without a reading hides the model, as in 2018.
 
     Returns:
         ``(T,)`` errors in [0, 1].
@@ -49,7 +52,10 @@ def vsd(
         distance_image_mm(reference.render_depth(mesh, pose, K, size_px), K) for pose in (est, gt)
     )
     unit_mm = 1.0 if tau_in_mm else diameter_mm
-    return vsd_of_distances(est_mm, gt_mm, distance_image_mm(depth_mm, K), delta_mm, taus, unit_mm)
+    measured_mm = distance_image_mm(depth_mm, K)
+    return vsd_of_distances(
+        est_mm, gt_mm, measured_mm, delta_mm, taus, unit_mm, missing_hides=missing_hides
+    )
 
 
 def vsd_of_distances(
@@ -59,10 +65,13 @@ def vsd_of_distances(
     delta_mm: float,
     taus: ArrayLike,
     unit_mm: float,
+    *,
+    missing_hides: bool = False,
 ) -> Floats:
     """VSD from the three distance images ``(H, W)``; ``taus (T,)`` are in units of ``unit_mm``."""
-    gt_visible = visible(gt_mm, measured_mm, delta_mm)
-    est_visible = visible(est_mm, measured_mm, delta_mm) | (gt_visible & (est_mm > 0))
+    gt_visible = visible(gt_mm, measured_mm, delta_mm, missing_hides=missing_hides)
+    est_visible = visible(est_mm, measured_mm, delta_mm, missing_hides=missing_hides)
+    est_visible |= gt_visible & (est_mm > 0)
     both, either = gt_visible & est_visible, gt_visible | est_visible
     if not either.any():
         return np.ones(np.shape(taus))
@@ -70,27 +79,6 @@ def vsd_of_distances(
     n_wrong = (differences >= np.asarray(taus)[..., None]).sum(axis=-1)
     errors: Floats = (n_wrong + either.sum() - both.sum()) / either.sum()
     return errors
-
-
-def visible(model_mm: Floats, measured_mm: Floats, delta_mm: float) -> Bools:
-    """Where the model is rendered and not behind the measurement; no reading hides nothing."""
-    behind = model_mm.astype(np.float32) - measured_mm.astype(np.float32)
-    seen: Bools = (model_mm > 0) & ((behind <= delta_mm) | (measured_mm == 0))
-    return seen
-
-
-def distance_image_mm(depth_mm: NDArray[np.floating], K: Floats) -> Floats:
-    """Depth along the optical axis -> distance from the camera centre, both ``(H, W)``, mm.
-
-    Pixel i is taken to lie at i here, although renderings sample i + 0.5: the benchmark's numbers
-    were made so (BOP rules 6).
-    """
-    z = depth_mm.astype(np.float64)
-    x, y = np.meshgrid(np.arange(z.shape[1]), np.arange(z.shape[0]))
-    distances: Floats = np.sqrt(
-        ((x - K[0, 2]) * z / K[0, 0]) ** 2 + ((y - K[1, 2]) * z / K[1, 1]) ** 2 + z**2
-    )
-    return distances
 
 
 def cus(

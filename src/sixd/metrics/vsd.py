@@ -33,6 +33,7 @@ def vsd_pairs(
     *,
     tau_in_mm: bool = False,
     sphere_check: bool = True,
+    missing_hides: bool = False,
 ) -> Floats:
     """Visible Surface Discrepancy of pairs of poses in one image (BOP rules 5 and 6).
 
@@ -48,6 +49,7 @@ def vsd_pairs(
         taus: ``(T,)`` tolerances of misalignment, in diameters.
         tau_in_mm: taus are millimetres instead.
         sphere_check: the error is 1 if the bounding spheres do not overlap in the image.
+        missing_hides: a pixel without a reading hides the model, as in 2018.
 
     Returns:
         ``(P, T)`` errors in [0, 1].
@@ -69,8 +71,9 @@ def vsd_pairs(
     def seen(window: Window) -> _Seen:
         distances = np.zeros((window.height, window.width))
         n_visible = vsd_kernels.signed_distances(
-            window.inverse_z, window.x0, window.y0, measured_mm, intrinsics, delta, distances
-        )
+            window.inverse_z, window.x0, window.y0, measured_mm, intrinsics, delta, missing_hides,
+            distances,
+        )  # fmt: skip
         return _Seen((window.x0, window.y0), distances, n_visible)
 
     taus = np.asarray(taus, np.float64)

@@ -10,7 +10,9 @@ _compile = njit(nogil=True, cache=True, error_model="numpy")
 
 
 @_compile
-def signed_distances(inverse_z, x0, y0, measured_mm, intrinsics, delta_mm, distance_mm):
+def signed_distances(
+    inverse_z, x0, y0, measured_mm, intrinsics, delta_mm, missing_hides, distance_mm
+):
     """Distance from the camera of each rendered pixel, negative where the sensor hides it.
 
     Pixel coordinates are integer indices here, although the rendering sampled their centres, and
@@ -20,9 +22,10 @@ def signed_distances(inverse_z, x0, y0, measured_mm, intrinsics, delta_mm, dista
         inverse_z: ``(h + 1, w + 1)``, a `Window`, 0 = background.
         x0: its first column in the image.
         y0: its first row.
-        measured_mm: ``(H, W)`` float32 depth of the sensor, 0 = no reading: hides nothing.
+        measured_mm: ``(H, W)`` float32 depth of the sensor, 0 = no reading.
         intrinsics: fx, fy, cx, cy.
         delta_mm: float32; what is farther behind the measurement is hidden.
+        missing_hides: what no reading does.
         distance_mm: ``(h, w)``, the result; 0 = background.
 
     Returns:
@@ -42,7 +45,8 @@ def signed_distances(inverse_z, x0, y0, measured_mm, intrinsics, delta_mm, dista
             model = ray / w
             depth = measured_mm[y0 + row, x0 + column]
             behind = np.float32(model) - np.float32(depth * ray)
-            visible = (behind <= delta_mm) | (depth == 0)
+            near = behind <= delta_mm
+            visible = near & (depth != 0) if missing_hides else near | (depth == 0)
             n_visible += visible
             distance_mm[row, column] = model if visible else -model
     return n_visible

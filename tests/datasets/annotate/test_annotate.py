@@ -9,8 +9,8 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from sixd.datasets.annotate.coco import coco_annotation, coco_file
 from sixd.datasets.annotate.gt_info import canvas_camera, measure_instance, span_box_px
 from sixd.datasets.annotate.rle import decode_rle, encode_rle
-from sixd.datasets.annotate.visibility import distance_image_mm, visible_mask
 from sixd.errors import FormatError
+from sixd.render.visibility import distance_image_mm, visible_mask
 
 K = np.array([[50.0, 0, 8.0], [0, 50.0, 6.0], [0, 0, 1]])
 masks = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=12))

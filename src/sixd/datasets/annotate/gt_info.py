@@ -8,8 +8,8 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from sixd.datasets.annotate.visibility import visible_mask
 from sixd.geometry.pose import Floats
+from sixd.render.visibility import visible_mask
 
 Bools = NDArray[np.bool_]
 
