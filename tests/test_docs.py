@@ -45,18 +45,6 @@ def test_every_known_dataset_is_documented() -> None:
     assert [d for d in known_datasets() if f"`{d}`" not in text] == []
 
 
-def test_no_dataset_is_named_in_code() -> None:
-    names = "|".join(known_datasets())
-    quoted = re.compile(rf"""["']({names})["']""")
-    hits = [
-        f"{path.relative_to(ROOT)}: {line.strip()}"
-        for path in (ROOT / "src").rglob("*.py")
-        for line in path.read_text().splitlines()
-        if quoted.search(line)
-    ]
-    assert hits == []
-
-
 def blocks(language: str) -> list[tuple[str, str]]:
     """Fenced blocks of a language, by page, in order; those marked as not run are left out."""
     found = []

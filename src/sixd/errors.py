@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_MOST_SHOWN = 20
+_MOST_ALIKE = 3
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Problem:
 
     def __str__(self) -> str:
         place = ":".join(str(p) for p in (self.file, self.line) if p not in ("", None))
-        head = " ".join(p for p in (f"{place}:" if place else "", self.field, self.what) if p)
+        head = ": ".join(p for p in (place, self.field, self.what) if p)
         pairs = (("expected", self.expected), ("got", self.got), ("fix", self.fix))
         return head + "".join(f"\n    {name}: {text}" for name, text in pairs if text)
 
@@ -79,9 +79,17 @@ class FormatError(SixdError, ValueError):
 
 
 def _listed(problems: Sequence[Problem]) -> str:
-    shown = "\n".join(map(str, problems[:_MOST_SHOWN]))
-    more = len(problems) - _MOST_SHOWN
-    return shown + (f"\n... and {more} more" if more > 0 else "")
+    """All problems as text; of many that are mended alike, the first few and their number."""
+    alike: dict[tuple[str, str], list[Problem]] = {}
+    for problem in problems:
+        alike.setdefault((problem.code, problem.fix), []).append(problem)
+    lines: list[str] = []
+    for some in alike.values():
+        lines += map(str, some[:_MOST_ALIKE])
+        more = len(some) - _MOST_ALIKE
+        if more > 0:
+            lines.append(f"    ... and {more:,} more like this")
+    return "\n".join(lines)
 
 
 def check_shape(name: str, array: ArrayLike, tail: tuple[int, ...]) -> None:

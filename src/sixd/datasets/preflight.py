@@ -32,7 +32,7 @@ _FIXES = {
     "gt_info": "compute it with the full models, or download it with the annotations",
     "coco": "compute it from scene_gt.json and the masks, or download it",
     "coco_modal": "compute it from scene_gt.json and the masks; BOP offers no download",
-    "depth": "download the depth images, or leave VSD out",
+    "depth": "download the depth images, or leave VSD out: --errors mssd,mspd",
 }
 
 

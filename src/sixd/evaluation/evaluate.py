@@ -89,8 +89,13 @@ def evaluate_all(
     progress: Progress = no_progress,
 ) -> list[Evaluation]:
     """`evaluate` for several results; models and truth are read once."""
+    results = list(results)
+    opened = dataset if isinstance(dataset, Dataset) else open_dataset(dataset)
+    for one in results:  # the cheapest mistakes are told first
+        if not isinstance(one, PoseEstimates | Detections):
+            _refuse_foreign_name(Path(one), opened)
     evaluator = Evaluator(
-        dataset, protocol, targets=targets, errors=errors, workers=workers, progress=progress
+        opened, protocol, targets=targets, errors=errors, workers=workers, progress=progress
     )
     return [evaluator.score(one) for one in results]
 
@@ -155,7 +160,7 @@ class Evaluator:
         if isinstance(results, PoseEstimates | Detections):
             file, digest, report = "", sha256_of_table(results), check_table(results)
         else:
-            self._refuse_foreign_name(str(results))
+            _refuse_foreign_name(Path(results), self.dataset)
             file, report = str(results), check_file(results)
             digest = sha256_of(results)
         table = report.table
@@ -220,11 +225,13 @@ class Evaluator:
         )
 
     def _common(self, provenance: Provenance) -> dict[str, Any]:
+        measured = {e.key for e in self.protocol.errors}
+        left_out = [e.key for e in self.full_protocol.errors if e.key not in measured]
         notes: tuple[str, ...] = ()
-        left_out = [e.key for e in self.full_protocol.errors if e not in self.protocol.errors]
         if left_out:
-            notes = (f"{', '.join(left_out)} was left out, so {self.protocol.score} is not given "
-                     "unless it does not need it",)  # fmt: skip
+            lacks_headline = set(left_out) & set(self.full_protocol.headline)
+            so = f", so there is no {self.protocol.score}" if lacks_headline else ""
+            notes = (f"{', '.join(left_out)} was left out as asked{so}",)
         return {
             "protocol": self.protocol.id,
             "dataset": self.dataset.name,
@@ -302,16 +309,6 @@ class Evaluator:
                 f"holds {kinds[not is_pose]}; choose another --protocol (sixd protocols lists them)"
             )
 
-    def _refuse_foreign_name(self, file: str) -> None:
-        """Refuse a file whose BOP-style name says it is for another known dataset."""
-        own = self.dataset.name
-        named = re.match(r"[^_]*_([a-z0-9]+)-", Path(file).name)
-        if named and own in known_datasets() and named[1] in set(known_datasets()) - {own}:
-            raise UsageError(
-                f"{Path(file).name} is named as results for {named[1]}, not for {own}; "
-                f"give --dataset {named[1]}, or rename the file if the name is wrong"
-            )
-
     def _refuse_foreign(self, table: Results, file: str) -> None:
         """Refuse results most of which name scenes or objects that the dataset does not have."""
         if not len(table):
@@ -329,6 +326,19 @@ class Evaluator:
                 f"    got: scenes {some(sorted(set(table.scene_id.tolist())))}; "
                 f"objects {some(sorted(set(table.obj_id.tolist())))}"
             )
+
+
+def _refuse_foreign_name(path: Path, dataset: Dataset) -> None:
+    """Refuse a file that is not there, or whose BOP-style name is of another known dataset."""
+    if not path.is_file():
+        raise MissingDataError(f"no results file at {path}")
+    named = re.match(r"[^_]*_([a-z0-9]+)-", path.name)
+    known = known_datasets()
+    if named and dataset.name in known and named[1] in set(known) - {dataset.name}:
+        raise UsageError(
+            f"{path.name} is named as results for {named[1]}, not for {dataset.name}; "
+            f"give --dataset {named[1]}, or rename the file if its name is wrong"
+        )
 
 
 def default_protocol(results: str | Path) -> str:

@@ -81,7 +81,7 @@ def mspd_fisheye624(
     sym = _matrices(symmetries)
 
     def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
-        work = np.zeros(len(sym)), np.zeros((len(points), 2)), np.zeros(12)
+        work = np.zeros(len(sym)), np.zeros((len(points), 2))
         mspd_fisheye_pairs(est, gt, sym, params[rows], points, len(probes), *work, out)
 
     return _run(kernel, est, gt, workers)

@@ -7,15 +7,23 @@ import math
 
 import numpy as np
 
-from sixd.metrics.kernels import compiled, compose, inner
+from sixd.metrics.kernels import compiled, inner
 
 
 @inner
-def _project(P, x, y, z, c):
-    """Pixel of a posed vertex; c ``(16,)``, the equations of `sixd.geometry.Fisheye624Camera`."""
-    X = P[0] * x + P[1] * y + P[2] * z + P[3]
-    Y = P[4] * x + P[5] * y + P[6] * z + P[7]
-    Z = P[8] * x + P[9] * y + P[10] * z + P[11]
+def _pose(P, point):
+    x, y, z = point
+    return (
+        P[0] * x + P[1] * y + P[2] * z + P[3],
+        P[4] * x + P[5] * y + P[6] * z + P[7],
+        P[8] * x + P[9] * y + P[10] * z + P[11],
+    )
+
+
+@inner
+def _project(point_mm, c):
+    """Pixel of a point; c ``(16,)``, the equations of `sixd.geometry.Fisheye624Camera`."""
+    X, Y, Z = point_mm
     radius = math.sqrt(X * X + Y * Y)
     angle = math.atan2(radius, Z)
     t = min(angle * angle, math.pi * math.pi)
@@ -29,32 +37,34 @@ def _project(P, x, y, z, c):
 
 
 @inner
-def _squared(u, v):
-    gap2 = u * u + v * v
+def _gap2(points, k, pixels, gt, sym, camera):
+    """Squared error of vertex k, whose pixel under the estimate is known."""
+    moved = _pose(gt, _pose(sym, (points[k, 0], points[k, 1], points[k, 2])))
+    u, v = _project(moved, camera)
+    du, dv = pixels[k, 0] - u, pixels[k, 1] - v
+    gap2 = du * du + dv * dv
     return gap2 if gap2 >= 0.0 else np.inf
 
 
 @compiled
-def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, bounds2, pixels, G, out):
+def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, bounds2, pixels, out):
     """MSPD of each pair, px.
 
     est, gt ``(N, 12)``; sym ``(S, 12)``; params ``(N, 16)``; points ``(V, 3)``, the first
     ``n_probes`` being looked at under every symmetry, to begin with the likeliest; out ``(N,)``.
-    Working memory: bounds2 ``(S,)``, pixels ``(V, 2)``, G ``(12,)``.
+    Working memory: bounds2 ``(S,)``, pixels ``(V, 2)``.
     """
     witness = 0
     for i in range(len(out)):
         camera = params[i]
         for k in range(len(points)):
-            x, y, z = points[k, 0], points[k, 1], points[k, 2]
-            pixels[k, 0], pixels[k, 1] = _project(est[i], x, y, z, camera)
+            posed = _pose(est[i], (points[k, 0], points[k, 1], points[k, 2]))
+            pixels[k, 0], pixels[k, 1] = _project(posed, camera)
         start = 0
         for s in range(len(sym)):
-            compose(gt[i], sym[s], G)
             bounds2[s] = 0.0
             for k in range(n_probes):
-                u, v = _project(G, points[k, 0], points[k, 1], points[k, 2], camera)
-                bounds2[s] = max(bounds2[s], _squared(pixels[k, 0] - u, pixels[k, 1] - v))
+                bounds2[s] = max(bounds2[s], _gap2(points, k, pixels, gt[i], sym[s], camera))
             if bounds2[s] < bounds2[start]:
                 start = s
         best2 = np.inf
@@ -63,12 +73,10 @@ def mspd_fisheye_pairs(est, gt, sym, params, points, n_probes, bounds2, pixels, 
             largest2 = bounds2[s]
             if largest2 >= best2:
                 continue
-            compose(gt[i], sym[s], G)
             for n in range(-1, len(points)):
                 # The vertex that decided last time often decides again.
                 k = witness if n < 0 else n
-                u, v = _project(G, points[k, 0], points[k, 1], points[k, 2], camera)
-                gap2 = _squared(pixels[k, 0] - u, pixels[k, 1] - v)
+                gap2 = _gap2(points, k, pixels, gt[i], sym[s], camera)
                 if gap2 > largest2:
                     largest2, witness = gap2, k
                     if largest2 >= best2:

@@ -5,6 +5,8 @@ largest error over the vertices is searched in the tree of `VertexCells`, branch
 whose upper bound is below the largest error seen is left out. The smallest over the symmetries
 likewise: one that exceeds the best at any vertex is left out. What comes out is the exact maximum
 and minimum of the rounded errors.
+
+All in one module: numba's cache does not notice when a function imported from another one changes.
 """
 
 # mypy: allow-untyped-defs
@@ -65,7 +67,7 @@ def _norm2(P, Q, defect):
 
 
 @inner
-def compose(P, Q, out):
+def _compose(P, Q, out):
     """Write P Q to out, as if all were 4x4 with last row 0 0 0 1."""
     for r in range(0, 12, 4):
         for c in range(4):
@@ -330,7 +332,7 @@ def symmetric_max_pairs(
                 if bounds2[s] >= best2:
                     continue
                 bounds2[s] = np.inf  # done with
-                compose(gt[i], sym[s], moved_gt)
+                _compose(gt[i], sym[s], moved_gt)
                 G = _entries(moved_gt)
                 # The vertex that decided last time often decides again.
                 if _gap2(E, G, witness[0], witness[1], witness[2], in_pixels) >= best2:
@@ -353,7 +355,7 @@ def mean_pairs(est, gt, sym, points, in_pixels, moved_gt, distance2, out):
     for i in range(len(out)):
         out[i] = np.inf
         for s in range(len(sym)):
-            compose(gt[i], sym[s], moved_gt)
+            _compose(gt[i], sym[s], moved_gt)
             _leaf_gaps(_entries(est[i]), _entries(moved_gt), points, in_pixels, distance2)
             total = 0.0
             for k in range(len(distance2)):
