@@ -25,8 +25,8 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A complete dataset, rendered here: 2 scenes, 3 images each, 160 x 120 px."""
-    from sixd.synth.demo import make_demo_dataset
+    """A complete dataset, rendered here: 2 scenes, 3 images each, 160 x 120 px; only read it."""
+    from sixd.synth.demo_dataset import make_demo_dataset
 
     folder = tmp_path_factory.mktemp("tiny") / "sixdemo"
     return make_demo_dataset(folder, seed=0, scenes=2, images_per_scene=3, size_px=(160, 120))

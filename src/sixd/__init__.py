@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sixd.evaluation.evaluation import load_evaluation as load_evaluation
     from sixd.evaluation.protocol import PROTOCOLS as PROTOCOLS
     from sixd.evaluation.protocol import EvalProtocol as EvalProtocol
+    from sixd.evaluation.truth_results import results_from_truth as results_from_truth
     from sixd.geometry.camera import Camera as Camera
     from sixd.geometry.mesh import Mesh as Mesh
     from sixd.geometry.mesh import read_mesh as read_mesh
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from sixd.results.reading import read_results as read_results
     from sixd.results.tables import Detections as Detections
     from sixd.results.tables import PoseEstimates as PoseEstimates
-    from sixd.synth.truth_results import results_from_truth as results_from_truth
 
 _HOME = {
     "Camera": "geometry.camera",
@@ -55,7 +55,7 @@ _HOME = {
     "open_dataset": "datasets.opening",
     "read_mesh": "geometry.mesh",
     "read_results": "results.reading",
-    "results_from_truth": "synth.truth_results",
+    "results_from_truth": "evaluation.truth_results",
 }
 
 __all__ = ["__version__", *_HOME]  # noqa: PLE0604 (ruff does not follow the star)

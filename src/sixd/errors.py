@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_MOST_ALIKE = 3
+_MOST_ALIKE = 20
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class Problem:
     """Stable kebab-case name, for machines: ``not-a-rotation``."""
     what: str
     """One sentence, for people."""
+    _: KW_ONLY
     file: str = ""
     line: int | None = None
     """Line of a text file, counted from 1 (a header is line 1)."""
@@ -62,6 +63,10 @@ class MissingDataError(SixdError, LookupError):
     def of(cls, problems: Sequence[Problem]) -> MissingDataError:
         """One error that names everything that is missing."""
         return cls(_listed(problems))
+
+
+class OutputError(SixdError, OSError):
+    """A file or folder cannot be written."""
 
 
 class MissingExtraError(SixdError, ImportError):

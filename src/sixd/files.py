@@ -6,14 +6,14 @@ import hashlib
 import secrets
 from pathlib import Path
 
-from sixd.errors import MissingDataError
+from sixd.errors import OutputError
 
 
 def write_atomically(path: str | Path, data: bytes) -> Path:
     """Write ``data`` beside ``path``, then rename: a killed run leaves the old file or none.
 
     Raises:
-        MissingDataError: the folder cannot be made or written.
+        OutputError: the folder cannot be made or written.
     """
     path = Path(path)
     temporary = beside(path)
@@ -23,11 +23,16 @@ def write_atomically(path: str | Path, data: bytes) -> Path:
         temporary.replace(path)
     except OSError as error:
         temporary.unlink(missing_ok=True)
-        raise MissingDataError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise cannot_write(path, error) from error
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
     return path
+
+
+def cannot_write(path: Path, error: OSError) -> OutputError:
+    """The error to raise where the system refuses to write."""
+    return OutputError(f"{path}: cannot be written: {error.strerror or error}")
 
 
 def beside(path: Path) -> Path:

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -137,23 +136,24 @@ def test_a_failed_eval_leaves_no_file(tiny: Path, tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
 
 
-def test_a_killed_eval_leaves_no_file(tiny: Path, results: Path, tmp_path: Path) -> None:
+def test_a_run_killed_while_it_writes_leaves_the_old_file(
+    tiny: Path, results: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "out.sixd"
-    command = [
-        sys.executable,
-        "-m",
-        "sixd",
-        "eval",
-        *map(str, (results, "--dataset", tiny, "--out", out)),
-    ]
-    for delay_s in (0.2, 0.6, 1.0):
-        process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        time.sleep(delay_s)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        names = [p.name for p in tmp_path.iterdir() if not p.name.startswith(".")]
-        if names:  # it had finished: then the file is whole
-            assert sixd.load_evaluation(out).scores["AR"] == 1.0
+    arguments = ["sixd", "eval", *map(str, (results, "--dataset", tiny, "--out", out))]
+    code = (
+        "import os, pathlib, signal, sys\n"
+        "kill = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "pathlib.Path.replace = kill\n"  # the moment between writing and renaming
+        f"sys.argv = {arguments!r}\n"
+        "from sixd.cli.main import run; run()"
+    )
+    for before in (None, b"an older result"):
+        if before:
+            out.write_bytes(before)
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+        assert done.returncode == -signal.SIGKILL
+        assert (out.read_bytes() if out.exists() else None) == before
 
 
 def test_nothing_but_the_result_is_written(tiny: Path, results: Path, tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_sensors_are_told_by_the_suffix_of_their_files(tmp_path):
     with pytest.raises(UsageError, match="no rgb images"):
         open_dataset(tmp_path / "rig", "val", modality="rgb")
     (tmp_path / "rig" / "dataset.toml").write_text('[splits.val]\neval_sensors = ["tip"]\n')
-    with pytest.raises(FormatError, match="eval_sensors names a sensor that is not there"):
+    with pytest.raises(FormatError, match="eval_sensors: names a sensor that is not there"):
         open_dataset(tmp_path / "rig", "val")
 
 

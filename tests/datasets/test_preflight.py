@@ -7,7 +7,7 @@ from sixd.datasets import open_dataset
 from sixd.datasets.preflight import find_missing
 from tests.datasets.folders import write_classic, write_image
 
-EVERYTHING = ("camera", "truth", "gt_info", "models_info", "meshes", "depth", "rgb", "coco")
+EVERYTHING = ("camera", "truth", "gt_info", "models_info", "meshes", "depth")
 
 
 def keys(*pairs):
@@ -20,8 +20,7 @@ def dataset(tmp_path):
 
 
 def test_nothing_is_missing_from_a_whole_dataset(dataset):
-    needs = [n for n in EVERYTHING if n != "coco"]
-    assert find_missing(dataset, *keys((1, 0), (1, 0), (2, 3)), [1, 2], needs) == []
+    assert find_missing(dataset, *keys((1, 0), (1, 0), (2, 3)), [1, 2], EVERYTHING) == []
 
 
 def test_everything_that_is_missing_is_named_at_once(dataset):
@@ -34,13 +33,10 @@ def test_everything_that_is_missing_is_named_at_once(dataset):
     found = {(p.code, p.file.removeprefix(f"{dataset.path}/"), p.field) for p in problems}
     assert found == {
         ("missing-file", "test/000001/scene_gt.json", ""),
-        ("missing-file", "test/000001/scene_gt_coco.json", ""),
-        ("missing-file", "test/000002/scene_gt_coco.json", ""),
         ("missing-file", "test/000002/scene_gt_info.json", ""),
         ("missing-image", "test/000002/scene_camera.json", '$["77"]'),
         ("missing-file", "test/000002/depth/000000.png", ""),
         ("missing-file", "test/000002/depth/000077.png", ""),
-        ("missing-file", "test/000002/rgb/000077.png", ""),
         ("missing-file", "test/000009", ""),
         ("missing-object", "models_eval/models_info.json", '$["3"]'),
         ("missing-file", "models_eval/obj_000002.ply", ""),
@@ -77,6 +73,6 @@ def test_a_dataset_without_depth_says_so(tmp_path):
 
 
 def test_an_image_with_another_extension_is_not_missing(dataset):
-    dataset.image_path(1, 0).unlink()
-    write_image(dataset.scene_dir(1) / "rgb" / "000000.jpg", 4, "rgb")
-    assert find_missing(open_dataset(dataset.path), *keys((1, 0)), (), ("rgb",)) == []
+    dataset.image_path(1, 0, "depth").unlink()
+    write_image(dataset.scene_dir(1) / "depth" / "000000.tif", 4, "depth")
+    assert find_missing(open_dataset(dataset.path), *keys((1, 0)), (), ("depth",)) == []

@@ -16,7 +16,7 @@ from tests.datasets.folders import instance, write_json, write_models, write_sce
 
 def test_the_official_lmo_files_hold_what_the_paper_counts(shared_data):
     dataset = open_dataset(shared_data / "lmo")
-    truth = read_truth(dataset, need_gt_info=True)
+    truth = read_truth(dataset)
     targets = dataset.targets("test_targets_bop19.json")
     assert (len(truth), len(truth.images), len(dataset.cameras(2))) == (1517, 200, 200)
     assert (len(targets), int(targets.inst_count.sum()), len(targets.images)) == (1445, 1445, 200)
@@ -33,12 +33,12 @@ def test_the_official_lmo_files_hold_what_the_paper_counts(shared_data):
 
 def test_a_known_dataset_with_only_depth_images_is_whole_enough(shared_data):
     dataset = open_dataset(shared_data / "peer_synth" / "dataset" / "lmo")
-    truth = read_truth(dataset, need_gt_info=True)
+    truth = read_truth(dataset)
     targets = dataset.targets("test_targets_bop19.json")
     assert (len(truth), int((truth.visib_fract >= 0.1).sum()), len(targets)) == (1512, 1491, 1379)
     assert dataset.image_size_px == (640, 480)
     assert coco_truth_path(dataset, 2).is_file()
-    needs = ("camera", "truth", "gt_info", "models_info", "meshes", "depth", "coco")
+    needs = ("camera", "truth", "gt_info", "models_info", "meshes", "depth")
     images = truth.images
     assert find_missing(dataset, images[:, 0], images[:, 1], dataset.object_ids, needs) == []
     assert dataset.frame(2, 0).rgb is None

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from sixd.datasets import open_dataset
 from sixd.datasets.targets import read_targets
-from sixd.errors import FormatError, MissingDataError
-from tests.datasets.folders import write_classic, write_json
+from sixd.errors import FormatError, MissingDataError, UsageError
+from tests.datasets.folders import write_classic, write_json, write_models, write_scene
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 3)),
@@ -43,6 +43,26 @@ def test_groups_of_views_become_one_row_a_view(tmp_path):
     assert targets.im_id.tolist() == [7, 8, 7]
     assert targets.group.tolist() == [0, 0, 1]
     assert targets.sensor == ("top", "left", "top")
+
+
+def test_only_views_of_the_scored_sensor_are_targets(tmp_path):
+    for sensor in ("top", "left"):
+        write_scene(
+            tmp_path / "rig" / "test" / "000001", suffix=f"_{sensor}",
+            images={f"rgb_{sensor}": ".png"}, im_ids=(7, 8),
+        )  # fmt: skip
+    write_models(tmp_path / "rig" / "models_eval")
+    views = [["top", 7], ["left", 7], ["top", 8]]
+    write_json(tmp_path / "rig" / "t.json", [{"scene_id": 1, "im_id": views},
+                                             {"scene_id": 1, "im_id": [["side", 7]]}])  # fmt: skip
+    for sensor, im_ids in (("top", [7, 8]), ("left", [7])):
+        targets = open_dataset(tmp_path / "rig", sensor=sensor).targets("t.json")
+        assert targets.im_id.tolist() == im_ids
+        assert targets.sensor == (sensor,) * len(im_ids)
+        assert targets.group.tolist() == [0] * len(im_ids)
+    write_json(tmp_path / "rig" / "t.json", [{"scene_id": 1, "im_id": [["top", 7]]}])
+    with pytest.raises(UsageError, match=r"expected: views of left\n\s+got: views of top"):
+        open_dataset(tmp_path / "rig", sensor="left").targets("t.json")
 
 
 @pytest.mark.parametrize(

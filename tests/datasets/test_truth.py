@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,10 +63,10 @@ def test_floats_are_bit_exact(dataset):
 
 def test_every_missing_file_is_named(dataset):
     dataset.annotation_path("gt", 1).unlink()
-    dataset.annotation_path("gt_info", 2).unlink()
+    dataset.annotation_path("gt", 2).unlink()
     with pytest.raises(MissingDataError) as caught:
-        read_truth(dataset, [1, 2, 7], need_gt_info=True)
-    for words in ("000001/scene_gt.json", "000002/scene_gt_info.json", "000007"):
+        read_truth(dataset, [1, 2, 7])
+    for words in ("000001/scene_gt.json", "000002/scene_gt.json", "000007"):
         assert words in str(caught.value)
 
 
@@ -120,6 +121,22 @@ def test_the_hash_changes_with_every_file_a_score_depends_on(dataset):
 def test_the_hash_does_not_depend_on_where_the_dataset_lies(dataset, tmp_path):
     moved = shutil.copytree(dataset.path, tmp_path / "elsewhere" / "bins")
     assert dataset_hash(dataset, [1]) == dataset_hash(open_dataset(moved), [1])
+
+
+def test_the_hash_tells_two_target_lists_apart_and_not_their_files(dataset):
+    targets = dataset.targets("test_targets_bop19.json")
+    some = [
+        None,
+        targets,
+        replace(targets, inst_count=targets.inst_count + 1),
+        replace(targets, obj_id=None, inst_count=None),
+        replace(targets, obj_id=targets.inst_count, inst_count=targets.obj_id),
+        replace(targets, sensor=("top", "left") * 2),
+        replace(targets, sensor=("top", "top") * 2),
+    ]
+    digests = [dataset_hash(dataset, [1], targets=t) for t in some]
+    assert len(set(digests)) == len(some)
+    assert dataset_hash(dataset, [1], targets=replace(targets, file="x")) == digests[1]
 
 
 def test_a_repeated_scene_key_in_other_order_is_the_same_truth(dataset):

@@ -20,7 +20,7 @@ from sixd.datasets.writing import (
     write_json_object,
     write_mask,
 )
-from sixd.errors import MissingDataError, SixdError, UsageError
+from sixd.errors import OutputError, SixdError, UsageError
 from sixd.files import write_atomically
 
 
@@ -70,10 +70,21 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "x.json"
     write_atomically(path, b"old")
     monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError("full")))
-    with pytest.raises(MissingDataError, match="full"):
+    with pytest.raises(OutputError, match="full"):
         write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert names_in(tmp_path) == ["x.json"]
+
+
+@pytest.mark.parametrize("where", ["x", "x/y/z"])
+def test_a_folder_that_cannot_be_made_is_told(tmp_path, where):
+    (tmp_path / "file").touch()
+    with (
+        pytest.raises(OutputError, match="cannot be written"),
+        new_folder(tmp_path / "file" / where),
+    ):
+        pass
+    assert names_in(tmp_path) == ["file"]
 
 
 def test_json_has_one_image_per_line(tmp_path):

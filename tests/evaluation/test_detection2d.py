@@ -352,7 +352,7 @@ def test_results_without_the_shape_to_be_scored_say_what_to_do():
     boxes_only = replace(detect(truth, np.array([0])), segmentation=(None,))
     with pytest.raises(FormatError, match="no detection has a segmentation") as caught:
         coco_scores(boxes_only, truth, "segm")
-    assert caught.value.problems[0].fix.startswith("score bbox instead")
+    assert caught.value.problems[0].fix.startswith("use --protocol bop22-detection2d")
     with pytest.raises(UsageError, match="masks=True"):
         coco_scores(detect(truth, np.array([0])), replace(truth, segmentation=None), "segm")
 

@@ -12,14 +12,16 @@ import numpy as np
 import pytest
 
 from sixd.datasets.opening import open_dataset
+from sixd.datasets.targets import Targets
 from sixd.errors import MissingDataError
 from sixd.evaluation.coco_truth import (
     CocoTruth,
-    coco_truth_hash,
     read_coco_files,
     read_coco_truth,
 )
 from sixd.evaluation.detection2d import coco_scores
+from sixd.evaluation.inputs import read_inputs
+from sixd.evaluation.protocol import get_protocol
 from sixd.results.tables import Detections, Rle
 
 SCENE = 0
@@ -146,8 +148,14 @@ def test_modal_boxes_are_another_file_and_its_absence_is_told(peer):
         read_coco_truth(dataset, dataset.targets("test_targets_bop19.json"), modal=True)
 
 
-def test_the_hash_of_the_truth_is_that_of_its_files(peer):
+def test_the_hash_of_the_truth_is_that_of_its_files_and_targets(peer):
     dataset = open_dataset(peer / "dataset" / "lmo")
+    targets = Targets(np.array([2, 2]), np.array([3, 5]))
     content = (peer / "dataset/lmo/test/000002/scene_gt_coco.json").read_bytes()
     head = f"test/000002/scene_gt_coco.json\0{len(content)}\0".encode()
-    assert coco_truth_hash(dataset, [2, 2]) == hashlib.sha256(head + content).hexdigest()
+    columns = (("scene_id", [2, 2]), ("im_id", [3, 5]))
+    rows = b"".join(
+        f"targets.{name}\0{16}\0".encode() + np.array(ids, "<i8").tobytes() for name, ids in columns
+    )
+    digest = hashlib.sha256(head + content + rows).hexdigest()
+    assert read_inputs(dataset, get_protocol("bop22-detection2d"), targets).sha256 == digest

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from sixd.evaluation.errors_table import ErrorTable, EstimateRows, Groups, TruthRows, all_pairs
-from sixd.evaluation.keys import find_rows, first_of_each
 from sixd.evaluation.protocol import ErrorSpec, get_protocol
 from sixd.evaluation.scores import score
+from sixd.rows import find_rows, first_of_each
 
 pytestmark = pytest.mark.oracle
 VISIB_MIN = 0.1

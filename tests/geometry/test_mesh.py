@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from scipy.spatial.distance import pdist
 
-from sixd.errors import FormatError, MissingDataError, ShapeError, UsageError
+from sixd.errors import FormatError, MissingDataError, OutputError, ShapeError, UsageError
 from sixd.geometry import (
     Mesh,
     bounding_box_mm,
@@ -126,7 +126,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(MissingDataError, match="disk full"):
+    with pytest.raises(OutputError, match="disk full"):
         write_ply(path, Mesh(CUBE_MM / 3, np.zeros((0, 3), int)))
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["mesh.ply"]

@@ -36,25 +36,20 @@ X_AXIS = SymmetryAxis(np.array([1.0, 0, 0]), np.zeros(3))
 CAMERA = PinholeCamera(np.array([[1075.0, 0.5, 360], [0, 1073, 270], [0, 0, 1]]))
 
 
-def both(name, est, gt, p, syms, camera, workers=1):
+def both(name, est, gt, p, syms, camera):
     """The same error by reference and compiled."""
     cells = fast.VertexCells.build(p)
     if name == "adi":
-        return reference.adi(est, gt, p), fast.adi(est, gt, cells, workers=workers)
-    if name in ("mssd", "add"):
-        arguments = est, gt, p, syms
-        return getattr(reference, name)(*arguments), getattr(fast, name)(
-            est, gt, cells, syms, workers=workers
-        )
+        return reference.adi(est, gt, p), fast.adi(est, gt, cells)
+    if name == "add":
+        return reference.add(est, gt, p), fast.add(est, gt, cells)
+    if name == "mssd":
+        return reference.mssd(est, gt, p, syms), fast.mssd(est, gt, cells, syms)
     if name == "projection":
-        return (
-            reference.projection(est, gt, p, camera, syms),
-            fast.projection(est, gt, cells, camera.K, syms, workers=workers),
-        )
-    return (
-        reference.mspd(est, gt, p, syms, camera),
-        fast.mspd_cameras(est, gt, cells, syms, camera, workers=workers),
-    )
+        found = fast.projection(est, gt, cells, camera.K)
+        return reference.projection(est, gt, p, camera), found
+    found = fast.mspd_cameras(est, gt, cells, syms, camera)
+    return reference.mspd(est, gt, p, syms, camera), found
 
 
 NAMES = ["mssd", "mspd", "add", "adi", "projection"]
@@ -159,14 +154,15 @@ def test_a_continuous_symmetry_through_a_fisheye():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_threads_do_not_change_a_bit(name):
+def test_an_error_does_not_hang_on_its_neighbours(name):
+    """Search begins where the last pair's ended; to the last bit that changes nothing."""
     rng = np.random.default_rng(1)
     p = rng.normal(size=(300, 3)) * [20, 20, 60]
-    gt = random_poses(rng, 97)
+    gt = random_poses(rng, 40)
     est = near_poses(rng, gt, 40, 30)
-    one = both(name, est, gt, p, Z_AXIS.rotations(7), CAMERA, workers=1)[1]
-    three = both(name, est, gt, p, Z_AXIS.rotations(7), CAMERA, workers=3)[1]
-    np.testing.assert_array_equal(one, three)
+    forth = both(name, est, gt, p, Z_AXIS.rotations(7), CAMERA)[1]
+    back = both(name, est[::-1], gt[::-1], p, Z_AXIS.rotations(7), CAMERA)[1]
+    np.testing.assert_array_equal(forth, back[::-1])
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -94,6 +94,8 @@ CASES = [
     Case("negative-id", [BOX | {"category_id": -1}], 1, "[0].category_id", "0 or more", "-1", "dataset"),
     Case("inconsistent-time", rows(ROW, row_with(obj_id="6", time="0.26")), 3, "time",
          "0.25 as in line 2", "0.26 (scene 2, image 3)", "--fix"),
+    Case("inconsistent-time", rows(ROW, row_with(obj_id="6", time="0.26"), row_with(im_id="4", time="-1")),
+         3, "time", "0.25 as in line 2", "0.26 (scene 2, image 3)", "--fix", "warning"),
     Case("missing-time", rows(row_with(time="-1")), 2, "time", "every row", "1 of 1", "measure", "warning"),
     Case("over-cap", rows(*[row_with(t=f"0 0 {900 - i}", score=f"0.{9 - i}") for i in range(5)]), 5,
          "score", "at most 3", "5 in scene 2, image 3: 2 not scored", "best", "warning", rules=CheckRules(cap=3)),

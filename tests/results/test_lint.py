@@ -144,13 +144,13 @@ def test_results_in_memory_name_rows(toy: Dataset) -> None:
     )
     report = check_table(table, toy)
     assert [(p.field, p.line) for p in report.problems] == [
-        ("R (row 1)", None),
-        ("obj_id (row 2)", None),
+        ("R (row 1, counted from 0)", None),
+        ("obj_id (row 2, counted from 0)", None),
     ]
     boxes = Detections.from_arrays(scene_id=2, im_id=3, obj_id=[-1], score=1, time_s=1)
     assert {p.field for p in check_table(boxes).problems} == {
-        "category_id (row 0)",
-        "bbox or segmentation (row 0)",
+        "category_id (row 0, counted from 0)",
+        "bbox or segmentation (row 0, counted from 0)",
     }
 
 

@@ -262,7 +262,7 @@ def test_where_blocks_are_cut_does_not_matter(
     write_pose_csv(tmp_path / "x.csv", table)
     text = (tmp_path / "x.csv").read_bytes().replace(b"\n", b"\r\n")
     (tmp_path / "x.csv").write_bytes(gzip.compress(text))
-    monkeypatch.setattr("sixd.results.source.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("sixd.results.results_text.BLOCK_BYTES", block_bytes)
     read = read_pose_csv(tmp_path / "x.csv")
     assert bits(read) == bits(table)
     assert read.line.tolist() == list(range(2, 42))  # type: ignore[union-attr]

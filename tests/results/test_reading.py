@@ -46,7 +46,11 @@ def test_a_bom_is_passed_over(tmp_path: Path) -> None:
         assert len(read_results(path)) == 1
 
 
-@pytest.mark.parametrize("text", [b"", b"\n \r\n\t", b"\xef\xbb\xbf", gzip.compress(b"")])
+@pytest.mark.parametrize(
+    "text",
+    [b"", b"\n \r\n\t", b"\xef\xbb\xbf", gzip.compress(b"", mtime=0)],
+    ids=["nothing", "blanks", "BOM", "gzip of nothing"],
+)
 def test_an_empty_file_is_told(tmp_path: Path, text: bytes) -> None:
     (tmp_path / "x").write_bytes(text)
     assert only_problem(tmp_path / "x").code == "empty-file"
@@ -59,11 +63,16 @@ def test_an_empty_file_is_told(tmp_path: Path, text: bytes) -> None:
         (b"PK\x03\x04 and so on", "not-text", "zip"),
         (b"\xfd7zXZ\x00", "not-text", "xz"),
         (b"\x89PNG\r\n\x1a\n\0\0", "not-text", "byte 8 is zero"),
-        (gzip.compress(gzip.compress(ROW.encode())), "not-text", "gzip inside gzip"),
-        (gzip.compress(b"1,2," * 9000)[:-9], "truncated-gzip", "compressed bytes"),
-        (gzip.compress(ROW.encode())[:5], "truncated-gzip", "compressed bytes"),
-        (gzip.compress(ROW.encode()) + b"more", "corrupt-gzip", "byte"),
+        (
+            gzip.compress(gzip.compress(ROW.encode(), mtime=0), mtime=0),
+            "not-text",
+            "gzip inside gzip",
+        ),
+        (gzip.compress(b"1,2," * 9000, mtime=0)[:-9], "truncated-gzip", "compressed bytes"),
+        (gzip.compress(ROW.encode(), mtime=0)[:5], "truncated-gzip", "compressed bytes"),
+        (gzip.compress(ROW.encode(), mtime=0) + b"more", "corrupt-gzip", "byte"),
     ],
+    ids=["UTF-16", "zip", "xz", "png", "gzip twice", "cut gzip", "cut header", "gzip and more"],
 )
 def test_what_is_no_text_is_told(tmp_path: Path, text: bytes, code: str, words: str) -> None:
     (tmp_path / "x").write_bytes(text)
@@ -129,7 +138,7 @@ def test_too_many_rows_are_refused(tmp_path: Path, text: str) -> None:
 def test_blank_and_broken_lines_are_rows_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sixd.results.source.BLOCK_BYTES", 1000)
+    monkeypatch.setattr("sixd.results.results_text.BLOCK_BYTES", 1000)
     (tmp_path / "x").write_bytes(f"{ROW}\n".encode() + b"\n" * 5000)
     assert only_problem(tmp_path / "x", Limits(rows=100)).code == "too-many-rows"
 

@@ -15,8 +15,8 @@ from sixd.datasets.truth import coco_truth_path, read_truth
 from sixd.errors import UsageError
 from sixd.geometry import Pose
 from sixd.render.raster import render_depth
-from sixd.synth import demo
-from sixd.synth.demo import make_demo_dataset
+from sixd.synth import demo_dataset
+from sixd.synth.demo_dataset import make_demo_dataset
 
 
 def digests(folder):
@@ -32,8 +32,8 @@ def load(path):
 
 
 @pytest.fixture(scope="module")
-def tiny(tiny_path):
-    return open_dataset(tiny_path)
+def dataset(tiny):
+    return open_dataset(tiny)
 
 
 def small(path, **changes):
@@ -74,7 +74,7 @@ def test_an_interrupted_run_leaves_nothing(tmp_path, monkeypatch, n_written):
 
     demo_write_image = writing.write_image
     monkeypatch.setattr(writing, "write_image", failing)
-    monkeypatch.setattr(demo, "write_image", failing)
+    monkeypatch.setattr(demo_dataset, "write_image", failing)
     with pytest.raises(KeyboardInterrupt):
         small(tmp_path / "x", scenes=2)
     assert list(tmp_path.iterdir()) == []
@@ -93,19 +93,19 @@ def test_empty_datasets_are_refused(tmp_path, bad):
         small(tmp_path / "x", **bad)
 
 
-def test_the_reader_finds_everything(tiny):
-    assert tiny.name == demo.DEMO_NAME
-    assert tiny.scene_ids == (1, 2)
-    assert tiny.object_ids == (1, 2, 3, 4, 5, 6)
-    assert tiny.image_size_px == (160, 120)
-    assert tiny.has_depth
-    assert tiny.spec.vsd_delta_mm == 15.0
-    targets = tiny.targets("test_targets_bop24.json")
+def test_the_reader_finds_everything(dataset):
+    assert dataset.name == demo_dataset.DEMO_NAME
+    assert dataset.scene_ids == (1, 2)
+    assert dataset.object_ids == (1, 2, 3, 4, 5, 6)
+    assert dataset.image_size_px == (160, 120)
+    assert dataset.has_depth
+    assert dataset.spec.vsd_delta_mm == 15.0
+    targets = dataset.targets("test_targets_bop24.json")
     needs = ("camera", "truth", "gt_info", "depth", "models_info", "models")
-    assert find_missing(tiny, targets.scene_id, targets.im_id, tiny.object_ids, needs) == []
-    assert len(tiny.model(2).symmetries.transforms()) == 2
-    assert len(tiny.model(3).symmetries.transforms()) == 6
-    assert len(tiny.model(4).symmetries.transforms()) == 315
+    assert find_missing(dataset, targets.scene_id, targets.im_id, dataset.object_ids, needs) == []
+    assert len(dataset.model(2).symmetries.transforms()) == 2
+    assert len(dataset.model(3).symmetries.transforms()) == 6
+    assert len(dataset.model(4).symmetries.transforms()) == 315
 
 
 def test_progress_tells_of_every_image(tmp_path):
@@ -114,41 +114,41 @@ def test_progress_tells_of_every_image(tmp_path):
     assert told == [("demo images", 1, 2), ("demo images", 2, 2)]
 
 
-def test_every_scene_lacks_one_object_and_shows_another_twice(tiny):
-    truth = read_truth(tiny)
-    for scene_id in tiny.scene_ids:
+def test_every_scene_lacks_one_object_and_shows_another_twice(dataset):
+    truth = read_truth(dataset)
+    for scene_id in dataset.scene_ids:
         ids = Counter(truth.obj_id[(truth.scene_id == scene_id) & (truth.im_id == 0)].tolist())
         assert len(ids) == 5
         assert max(ids.values()) == 2
 
 
-def test_objects_hide_one_another(tiny):
-    visible = read_truth(tiny, need_gt_info=True).visib_fract
+def test_objects_hide_one_another(dataset):
+    visible = read_truth(dataset).visib_fract
     assert (visible > 0.95).sum() > 5
     assert ((visible > 0.1) & (visible < 0.8)).sum() > 5
 
 
-def test_targets_count_what_is_visible_enough(tiny):
-    truth = read_truth(tiny, need_gt_info=True)
+def test_targets_count_what_is_visible_enough(dataset):
+    truth = read_truth(dataset)
     seen = truth.visib_fract >= 0.1
     expected = Counter(
         zip(truth.scene_id[seen].tolist(), truth.im_id[seen].tolist(), truth.obj_id[seen].tolist(),
             strict=True)
     )  # fmt: skip
-    targets = tiny.targets("test_targets_bop19.json")
+    targets = dataset.targets("test_targets_bop19.json")
     listed = zip(
         targets.scene_id.tolist(), targets.im_id.tolist(), targets.obj_id.tolist(), strict=True
     )
     assert dict(zip(listed, targets.inst_count.tolist(), strict=True)) == dict(expected)
-    images = tiny.targets("test_targets_bop24.json").images.tolist()
+    images = dataset.targets("test_targets_bop24.json").images.tolist()
     assert images == truth.images.tolist()
 
 
-def test_masks_counts_and_annotations_tell_the_same(tiny):
-    for scene_id in tiny.scene_ids:
-        scene = tiny.scene_dir(scene_id)
+def test_masks_counts_and_annotations_tell_the_same(dataset):
+    for scene_id in dataset.scene_ids:
+        scene = dataset.scene_dir(scene_id)
         info, gt = load(scene / "scene_gt_info.json"), load(scene / "scene_gt.json")
-        coco = load(coco_truth_path(tiny, scene_id))
+        coco = load(coco_truth_path(dataset, scene_id))
         annotations = {}
         for a in coco["annotations"]:
             annotations.setdefault(a["image_id"], []).append(a)
@@ -156,7 +156,7 @@ def test_masks_counts_and_annotations_tell_the_same(tiny):
             range(1, len(coco["annotations"]) + 1)
         )
         for im_id, rows in info.items():
-            depth_mm = tiny.depth_mm(scene_id, int(im_id))
+            depth_mm = dataset.depth_mm(scene_id, int(im_id))
             of_image = iter(annotations[int(im_id)])
             for gt_id, row in enumerate(rows):
                 name = f"{int(im_id):06d}_{gt_id:06d}.png"
@@ -177,15 +177,15 @@ def test_masks_counts_and_annotations_tell_the_same(tiny):
             assert next(of_image, None) is None
 
 
-def test_measured_depth_is_that_of_the_nearest_thing(tiny):
-    truth = read_truth(tiny)
+def test_measured_depth_is_that_of_the_nearest_thing(dataset):
+    truth = read_truth(dataset)
     for scene_id, im_id in truth.images.tolist():
         here = np.flatnonzero((truth.scene_id == scene_id) & (truth.im_id == im_id))
-        K, measured = tiny.cameras(scene_id)[im_id].K, tiny.depth_mm(scene_id, im_id)
+        K, measured = dataset.cameras(scene_id)[im_id].K, dataset.depth_mm(scene_id, im_id)
         drawn = np.stack(
             [
                 render_depth(
-                    tiny.model(int(truth.obj_id[row])).mesh,
+                    dataset.model(int(truth.obj_id[row])).mesh,
                     Pose(truth.R[row], truth.t_mm[row]),
                     K,
                     (160, 120),
@@ -201,8 +201,8 @@ def test_measured_depth_is_that_of_the_nearest_thing(tiny):
         assert (measured > 0).mean() > 0.4
 
 
-def test_poses_agree_with_the_world_poses_of_the_cameras(tiny):
-    scene = tiny.scene_dir(1)
+def test_poses_agree_with_the_world_poses_of_the_cameras(dataset):
+    scene = dataset.scene_dir(1)
     cameras, gt = load(scene / "scene_camera.json"), load(scene / "scene_gt.json")
     worlds = []
     for im_id, camera in cameras.items():
@@ -213,9 +213,9 @@ def test_poses_agree_with_the_world_poses_of_the_cameras(tiny):
     np.testing.assert_allclose(worlds, [worlds[0]] * len(worlds), atol=1e-9)
 
 
-def test_the_colour_image_shows_what_the_masks_say(tiny):
-    scene = tiny.scene_dir(1)
-    rgb = tiny.rgb(1, 0).astype(float)
+def test_the_colour_image_shows_what_the_masks_say(dataset):
+    scene = dataset.scene_dir(1)
+    rgb = dataset.rgb(1, 0).astype(float)
     assert rgb.shape == (120, 160, 3)
     assert rgb.std() > 20, "an image with nothing in it"
     gt = load(scene / "scene_gt.json")["0"]
@@ -227,6 +227,6 @@ def test_the_colour_image_shows_what_the_masks_say(tiny):
     assert brick[0] > 2 * max(brick[1], brick[2]), "the brick is red"
 
 
-def test_a_dataset_is_small(tiny_path):
-    n_bytes = sum(p.stat().st_size for p in tiny_path.rglob("*") if p.is_file())
+def test_a_dataset_is_small(tiny):
+    n_bytes = sum(p.stat().st_size for p in tiny.rglob("*") if p.is_file())
     assert n_bytes < 3_000_000

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
               "looked up in $BOP_PATH.")  # fmt: skip
 @click.option("--protocol", default=None,
               help="Check kind and cap too and, with --dataset, the targets.")  # fmt: skip
+@click.option("--split", default="test", show_default=True, help="Split of the dataset.")
 @click.option("--strict", is_flag=True, help="Warnings fail too.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object (a list for several).")
 @click.option("--fix", "out", type=click.Path(path_type=Path), default=None, metavar="OUT",
@@ -39,6 +40,7 @@ def check_command(
     files: tuple[Path, ...],
     dataset: str | None,
     protocol: str | None,
+    split: str,
     strict: bool,
     as_json: bool,
     out: Path | None,
@@ -57,7 +59,8 @@ def check_command(
         raise UsageError("--fix mends one file at a time; give one FILE")
     _refuse_missing(files)
     limits = Limits(problems=max_problems) if max_problems and as_json else Limits()
-    opened, rules = _opened(dataset), _rules(protocol)
+    opened = _opened(dataset, split)
+    rules = _rules(protocol, opened)
     fixed = None if out is None else fix_file(files[0], out, limits=limits)
     # With --fix, what counts is what was written.
     checked = [out] if out is not None and fixed is not None and fixed.written else files
@@ -76,27 +79,20 @@ def _refuse_missing(files: Iterable[Path]) -> None:
         raise MissingDataError(f"no results file: {', '.join(missing)}")
 
 
-def _opened(dataset: str | None) -> Dataset | None:
+def _opened(dataset: str | None, split: str) -> Dataset | None:
     if dataset is None:
         return None
     from sixd.datasets.opening import open_dataset
 
-    return open_dataset(dataset, bop_path=os.environ.get("BOP_PATH"))
+    return open_dataset(dataset, split, bop_path=os.environ.get("BOP_PATH"))
 
 
-def _rules(name: str | None) -> CheckRules | None:
+def _rules(name: str | None, dataset: Dataset | None) -> CheckRules | None:
     if name is None:
         return None
     from sixd.evaluation.protocol import get_protocol
-    from sixd.results.lint import CheckRules
 
-    protocol = get_protocol(name)
-    return CheckRules(
-        targets_file=protocol.targets_file,
-        kind=protocol.kind,
-        cap=protocol.cap_estimates,
-        every_target_object=protocol.task != "detection",
-    )
+    return get_protocol(name).check_rules("test" if dataset is None else dataset.split)
 
 
 def _print_json(reports: Iterable[CheckReport], fixed: FixReport | None) -> bool:

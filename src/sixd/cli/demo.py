@@ -20,7 +20,7 @@ def demo_command(out: Path, seed: int, as_json: bool) -> None:
     """
     from sixd.cli.progress import prepare_kernels, progress_bar
     from sixd.report.tables import evaluation_table
-    from sixd.synth.run_demo import run_demo
+    from sixd.synth.demo_run import run_demo
 
     prepare_kernels()
     with progress_bar() as progress:

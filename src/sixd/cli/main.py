@@ -46,7 +46,7 @@ def run() -> None:
         error.show()
         code = 2
     except (click.Abort, KeyboardInterrupt):
-        click.echo("sixd: interrupted; nothing was written", err=True)
+        click.echo("sixd: interrupted; files that were begun were not kept", err=True)
         code = 130
     except BrokenPipeError:
         # The reader of a pipe (head, less) has gone; what it wanted it has.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 from sixd.datasets import images
 from sixd.datasets.cameras import read_cameras, size_in_cam_models
 from sixd.datasets.frames import Frame, ImageCamera, Target
-from sixd.datasets.models import ObjectModel, build_model, read_models_info, some
+from sixd.datasets.ids import some
+from sixd.datasets.models import ObjectModel, build_model, read_models_info
 from sixd.datasets.spec import DatasetSpec, Size, nearest
 from sixd.datasets.structure import IMAGE_EXTENSIONS, model_files, names_in, scene_folders
 from sixd.datasets.targets import Targets, read_targets
 from sixd.datasets.views import View, view_of
-from sixd.errors import FormatError, MissingDataError, Problem
-
-if TYPE_CHECKING:
-    pass
+from sixd.errors import FormatError, MissingDataError, Problem, UsageError
 
 Annotation = Literal["camera", "gt", "gt_info", "gt_coco", "gt_coco_modal"]
 
@@ -215,7 +213,7 @@ class Dataset:
             raise FormatError([Problem(
                 "wrong-image-size",
                 f"is not of the size that the spec of {self.name} says, which MSPD and VSD rely on",
-                str(first),
+                file=str(first),
                 expected=_times(view.size_px),
                 got=_times(from_image),
                 fix="rename the folder, or set sensors."
@@ -254,7 +252,7 @@ class Dataset:
         size = (depth_mm.shape[1], depth_mm.shape[0])
         if size != self.image_size_of(scene_id):
             raise FormatError([Problem(
-                "wrong-image-size", "is not of the size of the scored images", str(path),
+                "wrong-image-size", "is not of the size of the scored images", file=str(path),
                 expected=_times(self.image_size_of(scene_id)), got=_times(size),
             )])  # fmt: skip
         return depth_mm
@@ -356,9 +354,13 @@ class Dataset:
     def targets(self, file: str | Path) -> Targets:
         """Read a target list: a name in the dataset's folder, or any path.
 
+        Of a multi-view list, which names the sensor of each view, only the views of the scored
+        sensor are kept: the same image id of another sensor is another image.
+
         Raises:
             MissingDataError: there is no such file; says which lists there are.
             FormatError: it is not a target list.
+            UsageError: all its views are of other sensors.
         """
         path = self.path / file
         if not path.is_file() and Path(file).is_file():
@@ -369,7 +371,27 @@ class Dataset:
                 f"{path}: no such target list{nearest(path.name, lists)}\n    fix: name a list "
                 "that is there, or download the dataset's base archive"
             )
-        return read_targets(path)
+        targets = read_targets(path)
+        return targets if targets.sensor is None else self._of_scored_sensor(targets, path)
+
+    def _of_scored_sensor(self, targets: Targets, path: Path) -> Targets:
+        scored = {
+            s: self.view(s).sensor for s in set(targets.scene_id.tolist()) & set(self.scene_ids)
+        }
+        sensors = targets.sensor or ()
+        kept = [
+            scored.get(scene_id) == sensor
+            for scene_id, sensor in zip(targets.scene_id.tolist(), sensors, strict=True)
+        ]
+        if not any(kept):
+            names = ", ".join(sorted(set(scored.values()) or set(self._eval_sensors)))
+            raise UsageError(
+                f"{path}: all views are of other sensors than the scored one\n"
+                f"    expected: views of {names}\n"
+                f"    got: views of {', '.join(sorted(set(sensors)))}\n"
+                "    fix: open the dataset with sensor=... (--sensor), or give another list"
+            )
+        return targets.where(np.array(kept, bool))
 
 
 def _times(size: Size) -> str:

@@ -43,6 +43,13 @@ class Ids(tuple[int, ...]):
         return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in runs)
 
 
+def some(ids: Iterable[object], most: int = 10) -> str:
+    """Ids for a message, as they come: the first ten, and how many more."""
+    listed = list(ids)
+    more = f" and {len(listed) - most:,} more" if len(listed) > most else ""
+    return ", ".join(map(str, listed[:most])) + more or "none"
+
+
 def _range(part: str) -> range:
     first, dash, last = part.strip().partition("-")
     try:

@@ -107,7 +107,9 @@ def _is_cut_off(raw: bytes) -> bool:
 
 def _broken(path: Path, what: str, expected: str, got: str = "") -> FormatError:
     fix = "restore the file from the archive it came from"
-    return FormatError([Problem("bad-image", what, str(path), expected=expected, got=got, fix=fix)])
+    return FormatError(
+        [Problem("bad-image", what, file=str(path), expected=expected, got=got, fix=fix)]
+    )
 
 
 def _size(file: BinaryIO) -> Size | None:

@@ -117,7 +117,9 @@ def _overflow(path: Path, raw: bytes, error: Exception) -> Problem:
     line = raw.count(b"\n", 0, found.start()) + 1
     got = found[0][:40].decode()
     what = "holds a number that does not fit a 64-bit float"
-    return Problem("bad-json-entry", what, str(path), line, expected="a finite number", got=got)
+    return Problem(
+        "bad-json-entry", what, file=str(path), line=line, expected="a finite number", got=got
+    )
 
 
 def _misfits(path: Path, tree: Any, kind: Any) -> list[Problem]:
@@ -152,7 +154,7 @@ def _misfit(path: Path, message: str, place: str = "") -> Problem:
         what = "has the wrong type or length" if got else "is out of range or has the wrong length"
     else:
         what = what.replace("`", "").replace("Object missing", "lacks the")
-    return Problem("bad-json-entry", what, str(path), field=where, expected=expected, got=got)
+    return Problem("bad-json-entry", what, file=str(path), field=where, expected=expected, got=got)
 
 
 def _malformed(path: Path, raw: bytes, error: Exception) -> Problem:
@@ -176,4 +178,4 @@ def _malformed(path: Path, raw: bytes, error: Exception) -> Problem:
         what = "is nested too deeply"
     else:
         what += f": {error}"
-    return Problem("bad-json", what, str(path), line, got=got, fix=fix)
+    return Problem("bad-json", what, file=str(path), line=line, got=got, fix=fix)

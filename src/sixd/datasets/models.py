@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from sixd.datasets.ids import some
 from sixd.datasets.jsonfiles import Id, read_json
 from sixd.errors import FormatError, MissingDataError, Problem
 from sixd.geometry import Symmetries
@@ -70,7 +71,7 @@ def read_models_info(path: Path) -> dict[int, dict[str, Any]]:
         Problem(
             "bad-diameter",
             "is not a size",
-            str(path),
+            file=str(path),
             field=f'$["{obj_id}"].diameter',
             expected="millimetres, above 0",
             got=str(entry["diameter"]),
@@ -94,14 +95,7 @@ def build_model(
         FormatError: its symmetries are not rigid transforms or axes.
     """
     if obj_id not in info:
-        raise MissingDataError(f"{info_path} has no object {obj_id}; it has {some(info)}")
+        raise MissingDataError(f"{info_path} has no object {obj_id}; it has {some(sorted(info))}")
     entry = info[obj_id]
     symmetries = Symmetries.from_models_info(entry, file=f"{info_path}, object {obj_id}")
     return ObjectModel(obj_id, mesh_path, float(entry["diameter"]), symmetries, entry)
-
-
-def some(ids: Iterable[int], most: int = 10) -> str:
-    """Ids for a message: the first ten, and how many more."""
-    listed = sorted(ids)
-    more = f" and {len(listed) - most} more" if len(listed) > most else ""
-    return ", ".join(map(str, listed[:most])) + more or "none"

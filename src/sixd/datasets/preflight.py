@@ -10,28 +10,22 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sixd.datasets.models import some
+from sixd.datasets.ids import some
 from sixd.datasets.structure import names_in
 from sixd.errors import FormatError, MissingDataError, Problem
 
 if TYPE_CHECKING:
     from sixd.datasets.dataset import Annotation, Dataset
 
-Need = Literal[
-    "camera", "truth", "gt_info", "models_info", "meshes", "depth", "rgb", "coco", "coco_modal"
-]
+Need = Literal["camera", "truth", "gt_info", "models_info", "meshes", "depth"]
 
 _FILES: dict[str, Annotation] = {
     "camera": "camera",
     "truth": "gt",
     "gt_info": "gt_info",
-    "coco": "gt_coco",
-    "coco_modal": "gt_coco_modal",
 }
 _FIXES = {
     "gt_info": "compute it with the full models, or download it with the annotations",
-    "coco": "compute it from scene_gt.json and the masks, or download it",
-    "coco_modal": "compute it from scene_gt.json and the masks; BOP offers no download",
     "depth": "download the depth images, or leave VSD out: --errors mssd,mspd",
 }
 
@@ -76,9 +70,9 @@ def _in_scene(
     dataset: Dataset, scene: int, images: set[int], needs: Collection[Need]
 ) -> Iterator[Problem]:
     try:
-        view = dataset.view(scene)
+        dataset.view(scene)
     except MissingDataError as error:
-        yield Problem("missing-sensor", str(error), str(dataset.scene_dir(scene)))
+        yield Problem("missing-sensor", str(error), file=str(dataset.scene_dir(scene)))
         return
     names = names_in(dataset.scene_dir(scene))
     for need, kind in _FILES.items():
@@ -89,11 +83,9 @@ def _in_scene(
             yield _missing("no such file", path, _fix(dataset, need))
         elif need == "camera":
             yield from _without_camera(dataset, scene, images)
-    for modality in ("depth", view.modality):
-        if ("depth" if modality == "depth" else "rgb") in needs:
-            listed = dataset.listed_images(scene, modality)
-            for image in sorted(images - listed.keys()):
-                yield _missing_image(dataset, scene, image, modality)
+    if "depth" in needs:
+        for image in sorted(images - dataset.listed_images(scene, "depth").keys()):
+            yield _without_depth(dataset, scene, image)
 
 
 def _without_camera(dataset: Dataset, scene: int, images: set[int]) -> Iterator[Problem]:
@@ -106,16 +98,16 @@ def _without_camera(dataset: Dataset, scene: int, images: set[int]) -> Iterator[
     for image in sorted(images - cameras.keys()):
         what = "has no such image"
         yield Problem(
-            "missing-image", what, path, field=f'$["{image}"]', fix=f"it has {some(cameras)}"
+            "missing-image", what, file=path, field=f'$["{image}"]', fix=f"it has {some(cameras)}"
         )
 
 
-def _missing_image(dataset: Dataset, scene: int, image: int, modality: str) -> Problem:
+def _without_depth(dataset: Dataset, scene: int, image: int) -> Problem:
     try:
-        path = dataset.image_path(scene, image, modality)
+        path = dataset.image_path(scene, image, "depth")
     except MissingDataError as error:
-        return Problem("missing-file", str(error), str(dataset.scene_dir(scene)))
-    return _missing("no such file", path, _FIXES.get(modality, "download the images"))
+        return Problem("missing-file", str(error), file=str(dataset.scene_dir(scene)))
+    return _missing("no such file", path, _FIXES["depth"])
 
 
 def _in_models(dataset: Dataset, obj_ids: set[int], needs: Collection[Need]) -> Iterator[Problem]:
@@ -129,8 +121,8 @@ def _in_models(dataset: Dataset, obj_ids: set[int], needs: Collection[Need]) -> 
             yield _missing("no such file", path, "download the dataset's models")
         else:
             for obj_id in missing:
-                fix = f"it has {some(dataset.models_info)}"
-                yield Problem("missing-object", "has no such object", str(path),
+                fix = f"it has {some(sorted(dataset.models_info))}"
+                yield Problem("missing-object", "has no such object", file=str(path),
                               field=f'$["{obj_id}"]', fix=fix)  # fmt: skip
     if "meshes" in needs:
         for obj_id in sorted(obj_ids - dataset.model_files.keys()):
@@ -139,7 +131,7 @@ def _in_models(dataset: Dataset, obj_ids: set[int], needs: Collection[Need]) -> 
 
 
 def _fix(dataset: Dataset, need: str) -> str:
-    if need in ("truth", "gt_info", "coco", "coco_modal") and not dataset.truth_is_public:
+    if need in ("truth", "gt_info") and not dataset.truth_is_public:
         return (
             f"the truth of {dataset.spec.title or dataset.name} {dataset.split} is private: "
             "only the BOP server can score it; use a split with public truth"
@@ -148,4 +140,4 @@ def _fix(dataset: Dataset, need: str) -> str:
 
 
 def _missing(what: str, path: Path, fix: str) -> Problem:
-    return Problem("missing-file", what, str(path), fix=fix)
+    return Problem("missing-file", what, file=str(path), fix=fix)

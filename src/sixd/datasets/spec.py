@@ -152,7 +152,9 @@ def read_toml(path: Path) -> dict[str, Any]:
         raw = tomllib.loads(path.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         line = re.search(r"line (\d+)", str(error))
-        problem = Problem("bad-toml", str(error), str(path), int(line[1]) if line else None)
+        problem = Problem(
+            "bad-toml", str(error), file=str(path), line=int(line[1]) if line else None
+        )
         raise FormatError([problem]) from error
     _convert(raw, str(path))
     return raw
@@ -217,12 +219,12 @@ def _misfit(raw: Mapping[str, Any], message: str, file: str) -> Problem:
         fields = sorted({f.name for form in forms for f in msgspec.structs.fields(form)})
         field, what = (f"{field}." if field else "") + match[1], "is not a field of a dataset"
         fix = nearest(match[1], fields).lstrip("; ")
-    return Problem("bad-spec", what, file, field=field, expected=expected, got=got, fix=fix)
+    return Problem("bad-spec", what, file=file, field=field, expected=expected, got=got, fix=fix)
 
 
 def _contradictions(spec: DatasetSpec, file: str) -> Iterator[Problem]:
     def problem(field: str, what: str, expected: str = "", got: str = "") -> Problem:
-        return Problem("bad-spec", what, file, field=field, expected=expected, got=got)
+        return Problem("bad-spec", what, file=file, field=field, expected=expected, got=got)
 
     stray = set(spec.symmetric_objects or ()) - set(spec.objects or spec.symmetric_objects or ())
     if stray:

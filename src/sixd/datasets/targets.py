@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sixd.datasets.jsonfiles import Id, read_json
 from sixd.errors import FormatError, Problem
+from sixd.rows import first_of_each
 
 Ints = NDArray[np.int64]
 
@@ -45,9 +46,20 @@ class Targets:
     @property
     def images(self) -> Ints:
         """``(M, 2)`` distinct pairs of scene and image, in the order of their first target."""
-        pairs = np.stack([self.scene_id, self.im_id], axis=1)
-        _, first = np.unique(pairs, axis=0, return_index=True)
-        return pairs[np.sort(first)]
+        first = first_of_each((self.scene_id, self.im_id))
+        return np.stack([self.scene_id[first], self.im_id[first]], axis=1)
+
+    def where(self, rows: NDArray[np.bool_]) -> Targets:
+        """Some rows, by a mask ``(N,)``."""
+        kept = {c: getattr(self, c) for c in ("obj_id", "inst_count", "group")}
+        names = self.sensor
+        return Targets(
+            self.scene_id[rows],
+            self.im_id[rows],
+            **{name: None if column is None else column[rows] for name, column in kept.items()},
+            sensor=None if names is None else tuple(names[i] for i in np.flatnonzero(rows)),
+            file=self.file,
+        )
 
     def of_image(self, scene_id: int, im_id: int) -> tuple[tuple[int, int | None], ...]:
         """Object and count of each target of an image; none for a list of images."""
@@ -117,7 +129,7 @@ def _column(values: list[int | None]) -> Ints | None:
 
 def _check(entries: list[_Target], path: Path) -> list[Problem]:
     def problem(code: str, what: str, field: str = "", fix: str = "", got: str = "") -> Problem:
-        return Problem(code, what, str(path), field=field, fix=fix, got=got)
+        return Problem(code, what, file=str(path), field=field, fix=fix, got=got)
 
     if not entries:
         return [problem("no-targets", "lists no targets", fix="restore the file")]

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixd.datasets.dataset import Annotation, Dataset
+from sixd.datasets.ids import some
 from sixd.datasets.jsonfiles import Id, Vector3, Vector9, decode, read_bytes, repeated_keys
 from sixd.datasets.preflight import Need, find_missing
 from sixd.datasets.spec import OWN_SPEC
+from sixd.datasets.targets import Targets
 from sixd.errors import FormatError, MissingDataError, Problem
 from sixd.geometry import Pose
 from sixd.geometry.pose import Floats
@@ -62,9 +64,9 @@ class GroundTruth:
         wanted = dict.fromkeys(zip(scene_id.tolist(), im_id.tolist(), strict=True))
         missing = [f"{s}/{i}" for s, i in wanted if (s, i) not in annotated]
         if missing:
-            shown = ", ".join(missing[:10]) + (" ..." if len(missing) > 10 else "")
             raise MissingDataError(
-                f"{len(missing)} of {len(wanted)} images (scene/image) have no truth: {shown}"
+                f"{len(missing)} of {len(wanted)} images (scene/image) have no truth: "
+                f"{some(missing)}"
             )
 
 
@@ -78,22 +80,19 @@ class _InstanceInfo(msgspec.Struct, gc=False):
     visib_fract: float
 
 
-def read_truth(
-    dataset: Dataset, scene_ids: Iterable[int] | None = None, *, need_gt_info: bool = False
-) -> GroundTruth:
+def read_truth(dataset: Dataset, scene_ids: Iterable[int] | None = None) -> GroundTruth:
     """The truth of some scenes, or of all.
 
     Args:
         dataset: the split.
         scene_ids: by default all of the split.
-        need_gt_info: a missing ``scene_gt_info.json`` is an error, not a column of NaN.
 
     Raises:
         MissingDataError: files are missing; all of them are named.
         FormatError: files are broken, or gt and gt_info disagree; names every wrong entry.
     """
     scenes = sorted(set(dataset.scene_ids if scene_ids is None else scene_ids))
-    _require_files(dataset, scenes, need_gt_info)
+    _require_files(dataset, scenes)
     parts: list[GroundTruth] = []
     problems: list[Problem] = []
     for scene_id in scenes:
@@ -116,13 +115,13 @@ def dataset_hash(
     scene_ids: Iterable[int],
     *,
     obj_ids: Collection[int] | None = None,
-    targets: str | Path | None = None,
+    targets: str | Path | Targets | None = None,
 ) -> str:
     """SHA-256 over all files that scores of these scenes depend on, but for the images.
 
     These are, of each scene, camera, truth and gt info; ``models_info.json``, the meshes of
-    ``obj_ids`` (all by default), the target list and the folder's ``dataset.toml``. Each enters
-    with its path inside the dataset and its size, so two different sets of files cannot agree.
+    ``obj_ids`` (all by default), the target list (a file, or the rows of a table, whatever file
+    they came from) and the folder's ``dataset.toml``. See `hash_of_files`.
 
     Raises:
         MissingDataError: camera or truth of a scene are missing.
@@ -137,24 +136,48 @@ def dataset_hash(
     meshes = dataset.model_files
     files += [meshes[i] for i in sorted(meshes if obj_ids is None else obj_ids) if i in meshes]
     files += [p for p in (dataset.models_info_path, dataset.path / OWN_SPEC) if p.is_file()]
+    if isinstance(targets, Targets):
+        return hash_of_files(dataset, files, targets)
     if targets is not None:
         files.append(dataset.path / targets)
+    return hash_of_files(dataset, files)
+
+
+def hash_of_files(dataset: Dataset, paths: Iterable[Path], targets: Targets | None = None) -> str:
+    """SHA-256 over files of a dataset, and over the rows of a target list.
+
+    Each file enters with its path inside the dataset and its size, so two different sets of files
+    cannot agree; likewise each column of the targets with its name and length.
+
+    Raises:
+        MissingDataError: one of the files is not there.
+    """
     digest = hashlib.sha256()
-    for path in files:
+    for path in paths:
         content = read_bytes(path)
         inside = path.is_relative_to(dataset.path)
         name = path.relative_to(dataset.path).as_posix() if inside else path.name
         digest.update(f"{name}\0{len(content)}\0".encode())
         digest.update(content)
+    for name in ("scene_id", "im_id", "obj_id", "inst_count", "group", "sensor"):
+        column = None if targets is None else getattr(targets, name)
+        if column is not None:
+            content = (
+                "\0".join(column).encode()
+                if isinstance(column, tuple)
+                else np.ascontiguousarray(column, "<i8").tobytes()
+            )
+            digest.update(f"targets.{name}\0{len(content)}\0".encode())
+            digest.update(content)
     return digest.hexdigest()
 
 
-def _require_files(dataset: Dataset, scenes: list[int], need_gt_info: bool) -> None:
+def _require_files(dataset: Dataset, scenes: list[int]) -> None:
     wanted = np.array(scenes, np.int64)
-    needs: tuple[Need, ...] = ("truth", "gt_info") if need_gt_info else ("truth",)
+    needs: tuple[Need, ...] = ("truth",)
     problems = find_missing(dataset, wanted, np.zeros_like(wanted), (), needs)
     if problems:
-        raise MissingDataError("\n".join(map(str, problems)))
+        raise MissingDataError.of(problems)
 
 
 def _read_scene(dataset: Dataset, scene_id: int) -> GroundTruth:
@@ -191,7 +214,7 @@ def _read_visibility(
         Problem(
             "gt-info-mismatch",
             "does not describe the same instances as scene_gt.json",
-            str(path),
+            file=str(path),
             field=f'$["{im_id}"]',
             expected=f"{len(entries)} instances",
             got=f"{len(info[im_id])}" if im_id in info else "no such image",

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sixd.errors import MissingDataError, ShapeError, UsageError
-from sixd.files import beside, write_atomically
+from sixd.errors import OutputError, ShapeError, UsageError
+from sixd.files import beside, cannot_write, write_atomically
 from sixd.geometry.pose import Floats
 
 _DEPTH_MAX = np.iinfo(np.uint16).max
@@ -30,15 +30,21 @@ def new_folder(path: Path) -> Iterator[Path]:
 
     Raises:
         UsageError: ``path`` is there already.
+        OutputError: the folder cannot be made.
     """
     if path.exists() or path.is_symlink():
         raise UsageError(f"{path} exists already: remove it, or name another folder")
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = beside(path)
-    temporary.mkdir()
+    try:
+        temporary.mkdir(parents=True)
+    except OSError as error:
+        raise cannot_write(path, error) from error
     try:
         yield temporary
-        temporary.rename(path)
+        try:
+            temporary.rename(path)
+        except OSError as error:
+            raise cannot_write(path, error) from error
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
@@ -76,7 +82,7 @@ def write_image(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> No
     quality = [cv2.IMWRITE_JPEG_QUALITY, 95] if path.suffix in (".jpg", ".jpeg") else []
     written, data = cv2.imencode(path.suffix, np.ascontiguousarray(stored), quality)
     if not written:
-        raise MissingDataError(f"{path}: the image library cannot write this kind of image")
+        raise OutputError(f"{path}: the image library cannot write this kind of image")
     write_atomically(path, data.tobytes())
 
 

@@ -1,1 +1,1 @@
-"""TODO room."""
+"""From results and truth to scores: protocols, selection, errors, matching, statistics."""

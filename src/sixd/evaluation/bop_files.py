@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sixd.errors import UsageError
 from sixd.evaluation.evaluation import Evaluation
+from sixd.evaluation.protocol import EvalProtocol
 from sixd.files import write_atomically
 
 BOP_FILES = {
@@ -15,6 +16,21 @@ BOP_FILES = {
     "bop22-detection2d": "scores_bop22_coco_bbox.json",
     "bop22-segmentation2d": "scores_bop22_coco_segm.json",
 }
+
+
+def check_bop_files(protocol: EvalProtocol, errors: tuple[str, ...] | None) -> None:
+    """Refuse, before anything is measured, what `write_bop_files` could not write.
+
+    Raises:
+        UsageError: the toolkit has no file for this protocol, or errors are left out.
+    """
+    if protocol.name not in BOP_FILES:
+        raise UsageError(
+            f"bop_toolkit writes no score file for {protocol.name}; it does for "
+            f"{', '.join(BOP_FILES)}"
+        )
+    if errors is not None and len(protocol.with_errors(errors).errors) < len(protocol.errors):
+        raise UsageError("bop_toolkit's score files need all errors: leave out --errors")
 
 
 def write_bop_files(evaluation: Evaluation, folder: str | Path) -> Path:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict
@@ -12,7 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sixd.datasets.jsonfiles import read_bytes, read_json
+from sixd.datasets.ids import some
+from sixd.datasets.jsonfiles import read_json
 from sixd.datasets.truth import coco_truth_path
 from sixd.errors import FormatError, MissingDataError, Problem
 
@@ -121,21 +121,6 @@ def read_coco_truth(
     return read_coco_files(paths, targets.scene_id, targets.im_id, masks=masks)
 
 
-def coco_truth_hash(dataset: Dataset, scene_ids: Iterable[int], *, modal: bool = False) -> str:
-    """SHA-256 over the COCO files of these scenes, each with its path in the dataset and size.
-
-    Raises:
-        MissingDataError: one of them is not there.
-    """
-    digest = hashlib.sha256()
-    for scene_id in sorted(set(scene_ids)):
-        path = coco_truth_path(dataset, scene_id, modal=modal)
-        content = read_bytes(path)
-        digest.update(f"{path.relative_to(dataset.path).as_posix()}\0{len(content)}\0".encode())
-        digest.update(content)
-    return digest.hexdigest()
-
-
 def read_coco_files(
     paths: Mapping[int, Path], scene_id: Ints, im_id: Ints, *, masks: bool = True
 ) -> CocoTruth:
@@ -171,13 +156,13 @@ def _read_scene(path: Path, scene_id: int, im_ids: list[int], masks: bool) -> Co
     size_px = {i.id: (i.width, i.height) for i in file.images}
     unlisted = [i for i in im_ids if i not in size_px]
     if unlisted:
-        raise MissingDataError(f"{path} does not list the target images {_some(unlisted)}")
+        raise MissingDataError(f"{path} does not list the target images {some(unlisted)}")
     category_ids = {c.id for c in file.categories}
     image_of = {i: n for n, i in enumerate(im_ids)}
     rows: Sequence[_Box] = [a for a in file.annotations if a.image_id in image_of]
     stray = {a.category_id for a in rows} - category_ids
     if stray:
-        what = f"instances have categories that the file does not list: {_some(sorted(stray))}"
+        what = f"instances have categories that the file does not list: {some(sorted(stray))}"
         raise FormatError([Problem("unlisted-category", what, file=str(path))])
     return CocoTruth(
         scene_id=np.full(len(im_ids), scene_id, np.int64),
@@ -235,7 +220,3 @@ def _merge(scenes: Sequence[CocoTruth], masks: bool) -> CocoTruth:
         crowd=joined("crowd"),
         segmentation=tuple(m for s in scenes for m in s.segmentation or ()) if masks else None,
     )
-
-
-def _some(ids: Sequence[int]) -> str:
-    return ", ".join(map(str, ids[:20])) + (f" and {len(ids) - 20} more" if len(ids) > 20 else "")

@@ -26,8 +26,8 @@ from sixd.evaluation.coco_summary import (
     coco_breakdowns,
 )
 from sixd.evaluation.coco_truth import CocoTruth, Segmentation
-from sixd.evaluation.keys import find_rows, row_codes
-from sixd.evaluation.timing import average_time_all_targets_s, average_time_s, time_of_each_image
+from sixd.evaluation.timing import average_times_s
+from sixd.rows import find_rows, row_codes
 
 if TYPE_CHECKING:
     from sixd.results.tables import Detections
@@ -56,17 +56,16 @@ def coco_scores(detections: Detections, truth: CocoTruth, iou_type: IouType = "b
 
     Raises:
         UsageError: masks are asked for and the truth was read without.
-        FormatError: no detection has the box or mask to be scored, a score is not finite,
-            a mask cannot be decoded, or the times of an image differ.
+        FormatError: no detection has the box or mask to be scored, a score is not finite, or
+            a mask cannot be decoded.
     """
     if iou_type == "segm" and truth.segmentation is None:
         raise UsageError("masks cannot be scored: read the truth with masks=True")
-    candidates, on_target, dropped = _candidates(detections, truth, iou_type)
+    candidates, dropped = _candidates(detections, truth, iou_type)
     curves = coco_curves(candidates, truth, iou_type)
     n_without_detection, n_beyond_100 = _shortfall_and_excess(candidates, truth)
-    times_s, target_times_s = (
-        time_of_each_image(part.scene_id, part.im_id, part.time_s)
-        for part in (detections, detections.where(on_target))
+    times_s = average_times_s(
+        (detections.scene_id, detections.im_id), detections.time_s, (truth.scene_id, truth.im_id)
     )
     total = _twelve(curves)
     return CocoScores(
@@ -84,10 +83,8 @@ def coco_scores(detections: Detections, truth: CocoTruth, iou_type: IouType = "b
         n_unknown_category=dropped.unknown_category,
         n_without_shape=dropped.without_shape,
         n_beyond_100=n_beyond_100,
-        average_time_per_image_s=average_time_s(times_s),
-        average_time_per_target_image_s=average_time_all_targets_s(
-            target_times_s, len(truth.im_id)
-        ),
+        average_time_per_image_s=times_s[0],
+        average_time_per_target_image_s=times_s[1],
     )
 
 
@@ -99,8 +96,8 @@ class _Dropped(NamedTuple):
 
 def _candidates(
     detections: Detections, truth: CocoTruth, iou_type: IouType
-) -> tuple[Candidates, Bools, _Dropped]:
-    """Rows that can be scored, which rows lie in target images, and how many were dropped why."""
+) -> tuple[Candidates, _Dropped]:
+    """Rows that can be scored, and how many were dropped why."""
     shaped = _check_rows(detections, iou_type)
     image = find_rows((detections.scene_id, detections.im_id), (truth.scene_id, truth.im_id))
     on_target = image >= 0
@@ -121,7 +118,7 @@ def _candidates(
         unknown_category=int((on_target & shaped & ~known).sum()),
         without_shape=int((on_target & ~shaped).sum()),
     )
-    return candidates, on_target, dropped
+    return candidates, dropped
 
 
 def _check_rows(detections: Detections, iou_type: IouType) -> Bools:
@@ -132,11 +129,11 @@ def _check_rows(detections: Detections, iou_type: IouType) -> Bools:
         rows = (np.flatnonzero(unusable) + 1).tolist()
         raise FormatError([Problem("not-finite", f"detection {row} {what}") for row in rows])
     if iou_type == "bbox":
-        shaped, shape, other = detections.has_bbox, "bbox", "segm"
+        shaped, shape, other = detections.has_bbox, "bbox", "bop22-segmentation2d"
     else:
-        shaped, shape, other = detections.has_mask, "segmentation", "bbox"
+        shaped, shape, other = detections.has_mask, "segmentation", "bop22-detection2d"
     if len(shaped) and not shaped.any():
-        fix = f"score {other} instead, or write a {shape} in every row"
+        fix = f"use --protocol {other}, or write a {shape} in every row"
         raise FormatError([Problem("no-shapes", f"no detection has a {shape}", fix=fix)])
     return shaped
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,41 +11,26 @@ from typing import Any
 import numpy as np
 
 from sixd.datasets.dataset import Dataset
-from sixd.datasets.models import some
 from sixd.datasets.opening import open_dataset
-from sixd.datasets.preflight import Need, find_missing
-from sixd.datasets.spec import known_datasets
 from sixd.datasets.targets import Targets
-from sixd.datasets.truth import dataset_hash, read_truth
-from sixd.errors import FormatError, MissingDataError, UsageError
-from sixd.evaluation.coco_truth import coco_truth_hash, read_coco_truth
+from sixd.errors import FormatError, UsageError
 from sixd.evaluation.evaluation import Evaluation, Provenance
-from sixd.evaluation.keys import find_rows
+from sixd.evaluation.foreign import refuse_foreign_name, refuse_foreign_rows
+from sixd.evaluation.inputs import CocoInputs, PoseInputs, read_inputs
 from sixd.evaluation.measure import Progress, measure, no_progress
 from sixd.evaluation.prepared import PreparedModels
 from sixd.evaluation.protocol import EvalProtocol, get_protocol
 from sixd.evaluation.scores import score
-from sixd.evaluation.selection import keep_best_per_image, select
-from sixd.evaluation.timing import (
-    average_time_all_targets_s,
-    average_time_s,
-    time_of_each_image,
-)
+from sixd.evaluation.selection import select
+from sixd.evaluation.timing import average_times_s
 from sixd.files import sha256_of
-from sixd.results.limits import Limits
 from sixd.results.lint import check_file, check_table
-from sixd.results.source import open_results_text
-from sixd.results.tables import Detections, PoseEstimates
+from sixd.results.tables import Detections, PoseEstimates, Table
 from sixd.version import __version__
-
-MOST_UNKNOWN = 0.1
-"""Results with a larger share of unknown scenes or objects are taken to be for another dataset."""
-
-Results = PoseEstimates | Detections
 
 
 def evaluate(
-    results: str | Path | Results,
+    results: str | Path | Table,
     dataset: str | Path | Dataset,
     protocol: str | EvalProtocol = "bop19-localization",
     *,
@@ -64,7 +48,7 @@ def evaluate(
         targets: another list of targets than the protocol's: a path, or a file of the dataset.
         errors: measure only these errors of the protocol; without all of them there is no
             headline score.
-        workers: threads; all cores by default.
+        workers: threads; all cores by default. They change no number.
         progress: told (what, done, total) as work proceeds.
 
     Raises:
@@ -79,7 +63,7 @@ def evaluate(
 
 
 def evaluate_all(
-    results: Iterable[str | Path | Results],
+    results: Iterable[str | Path | Table],
     dataset: str | Path | Dataset,
     protocol: str | EvalProtocol = "bop19-localization",
     *,
@@ -93,7 +77,7 @@ def evaluate_all(
     opened = dataset if isinstance(dataset, Dataset) else open_dataset(dataset)
     for one in results:  # the cheapest mistakes are told first
         if not isinstance(one, PoseEstimates | Detections):
-            _refuse_foreign_name(Path(one), opened)
+            refuse_foreign_name(Path(one), opened)
     evaluator = Evaluator(
         opened, protocol, targets=targets, errors=errors, workers=workers, progress=progress
     )
@@ -105,10 +89,12 @@ class Evaluator:
 
     ::
 
-        evaluator = sixd.Evaluator("lmo", "bop19-localization")
+        evaluator = sixd.Evaluator("path/to/dataset", "bop19-localization")
         for batch in training_loop:
             evaluator.add(batch)        # PoseEstimates
         print(evaluator.compute().scores["AR"])
+
+    Truth and models are read once, when it is made; it raises what `evaluate` raises.
     """
 
     def __init__(
@@ -126,20 +112,30 @@ class Evaluator:
         if errors is not None:
             self.protocol = self.full_protocol.with_errors(tuple(errors))
         self.dataset = dataset if isinstance(dataset, Dataset) else open_dataset(dataset)
-        self.targets = self._read_targets(targets)
+        self.inputs = read_inputs(self.dataset, self.protocol, targets)
         self.workers = workers or os.cpu_count() or 1
         self.progress = progress
-        self._batches: list[Results] = []
         self._models = PreparedModels(self.dataset)
-        self._preflight()
+        self._batches: list[Table] = []
 
-    def add(self, batch: Results) -> None:
-        """Add a batch of results; nothing is computed yet."""
+    def add(self, batch: Table) -> None:
+        """Add a batch of results; nothing is computed yet.
+
+        Raises:
+            UsageError: the protocol scores results of another kind.
+        """
         self._check_kind(batch, "this batch")
         self._batches.append(batch)
 
     def compute(self) -> Evaluation:
-        """Score everything that was added so far; more may be added afterwards."""
+        """Score everything that was added so far; more may be added afterwards.
+
+        Raises:
+            UsageError: nothing was added, or it is for another dataset.
+            FormatError: broken rows; carries all of them.
+        """
+        if not self._batches:
+            raise UsageError("nothing to score: add() results before compute()")
         if self.protocol.kind == "pose":
             poses = [b for b in self._batches if isinstance(b, PoseEstimates)]
             return self.score(PoseEstimates.concatenate(poses))
@@ -150,7 +146,7 @@ class Evaluator:
         """Forget what was added; truth and models stay."""
         self._batches.clear()
 
-    def score(self, results: str | Path | Results) -> Evaluation:
+    def score(self, results: str | Path | Table) -> Evaluation:
         """Score one complete submission: a file or a table.
 
         Raises:
@@ -160,7 +156,7 @@ class Evaluator:
         if isinstance(results, PoseEstimates | Detections):
             file, digest, report = "", sha256_of_table(results), check_table(results)
         else:
-            _refuse_foreign_name(Path(results), self.dataset)
+            refuse_foreign_name(Path(results), self.dataset)
             file, report = str(results), check_file(results)
             digest = sha256_of(results)
         table = report.table
@@ -168,21 +164,26 @@ class Evaluator:
             self._check_kind(table, file or "the table")
         if table is None or not report.ok:
             raise FormatError([p for p in report.problems if p.severity == "error"])
-        provenance = Provenance(file, digest, self._dataset_sha256, self.targets.file, __version__)
+        provenance = Provenance(
+            file, digest, self.inputs.sha256, self.inputs.targets.file, __version__
+        )
         if isinstance(table, Detections):
             return self._score_detections(table, provenance)
         return self._score_poses(table, provenance)
 
     def _score_poses(self, estimates: PoseEstimates, provenance: Provenance) -> Evaluation:
+        assert isinstance(self.inputs, PoseInputs)
+        targets, truth = self.inputs.targets, self.inputs.truth
+        objects = self.dataset.object_ids
+        refuse_foreign_rows(estimates, self.dataset, targets, objects, provenance.results_file)
         cap = self.dataset.spec.max_estimates_per_image if self.protocol.cap_estimates else None
-        selection = select(estimates, self._truth, self.targets, self.protocol, cap)
-        self._refuse_foreign(estimates, provenance.results_file)
-        scored_rows = estimates
-        if cap is not None:
-            scored_rows = estimates.where(keep_best_per_image(estimates, cap))
-        times = self._times(scored_rows)
+        selection = select(estimates, truth, targets, self.protocol, cap)
+        timed = estimates.where(selection.within_cap)
+        times_s = average_times_s(
+            (timed.scene_id, timed.im_id), timed.time_s, (targets.scene_id, targets.im_id)
+        )
         table = measure(
-            selection, estimates, self._truth, self._models, self.protocol,
+            selection, estimates, truth, self._models, self.protocol,
             workers=self.workers, progress=self.progress,
         )  # fmt: skip
         scored = score(table, self.protocol)
@@ -190,8 +191,8 @@ class Evaluator:
             **self._common(provenance),
             scores=scored.values,
             breakdowns=scored.breakdowns,
-            average_time_per_image=times[0],
-            average_time_per_target_image=times[1],
+            average_time_per_image=times_s[0],
+            average_time_per_target_image=times_s[1],
             n_targets=selection.n_targets,
             n_without_estimate=selection.n_without_estimate,
             n_estimates=len(estimates),
@@ -200,13 +201,16 @@ class Evaluator:
         )
 
     def _score_detections(self, detections: Detections, provenance: Provenance) -> Evaluation:
-        from sixd.evaluation.coco_curves import IouType
         from sixd.evaluation.coco_summary import coco_breakdowns
         from sixd.evaluation.detection2d import coco_scores
 
-        self._refuse_foreign(detections, provenance.results_file)
-        iou_type: IouType = "segm" if self.protocol.kind == "segm" else "bbox"
-        scored = coco_scores(detections, self._coco_truth, iou_type)
+        assert isinstance(self.inputs, CocoInputs)
+        truth = self.inputs.truth
+        categories = tuple(truth.category_id.tolist())
+        refuse_foreign_rows(
+            detections, self.dataset, self.inputs.targets, categories, provenance.results_file
+        )
+        scored = coco_scores(detections, truth, "segm" if self.protocol.kind == "segm" else "bbox")
         return Evaluation(
             **self._common(provenance),
             scores=scored.scores,
@@ -241,66 +245,7 @@ class Evaluator:
             "notes": notes,
         }
 
-    def _times(self, estimates: PoseEstimates) -> tuple[float, float]:
-        """Average time per image of the results, and per target image."""
-        images = self.targets.images
-        on_target = (
-            find_rows((estimates.scene_id, estimates.im_id), (images[:, 0], images[:, 1])) >= 0
-        )
-        times_s = time_of_each_image(estimates.scene_id, estimates.im_id, estimates.time_s)
-        some = estimates.where(on_target)
-        target_times_s = (
-            None if times_s is None else time_of_each_image(some.scene_id, some.im_id, some.time_s)
-        )
-        return average_time_s(times_s), average_time_all_targets_s(target_times_s, len(images))
-
-    # --- reading and refusing ---
-
-    def _read_targets(self, targets: str | Path | Targets | None) -> Targets:
-        if isinstance(targets, Targets):
-            return targets
-        return self.dataset.targets(self.protocol.targets_file if targets is None else targets)
-
-    def _preflight(self) -> None:
-        """Read the truth, and name everything that is missing before any error is measured."""
-        images = self.targets.images
-        scene_id, im_id = images[:, 0], images[:, 1]
-        scenes = sorted(set(scene_id.tolist()))
-        if self.protocol.kind != "pose":
-            self._coco_truth = read_coco_truth(
-                self.dataset,
-                self.targets,
-                masks=self.protocol.kind == "segm",
-                modal=self.protocol.modal_boxes,
-            )
-            self._dataset_sha256 = coco_truth_hash(self.dataset, scenes)
-            return
-        needs: list[Need] = ["camera", "truth", "gt_info"]
-        if self.protocol.needs_depth:
-            needs.append("depth")
-        problems = find_missing(self.dataset, scene_id, im_id, (), needs)
-        if not problems:
-            self._truth = read_truth(self.dataset, scenes)
-        obj_ids = self._objects(problems == [])
-        none = scene_id[:0]
-        problems += find_missing(self.dataset, none, none, obj_ids, ("models_info", "meshes"))
-        if problems:
-            raise MissingDataError.of(problems)
-        self._truth.require_images(scene_id, im_id)
-        self._dataset_sha256 = dataset_hash(self.dataset, scenes, obj_ids=obj_ids)
-
-    def _objects(self, truth_is_read: bool) -> set[int]:
-        """Objects whose models are needed, as far as it can be told yet."""
-        if self.targets.obj_id is not None and self.protocol.task != "detection":
-            return set(self.targets.obj_id.tolist())
-        if not truth_is_read:
-            return set()
-        images = self.targets.images
-        truth_image = (self._truth.scene_id, self._truth.im_id)
-        on_target = find_rows(truth_image, (images[:, 0], images[:, 1])) >= 0
-        return set(self._truth.obj_id[on_target].tolist())
-
-    def _check_kind(self, table: Results, what: str) -> None:
+    def _check_kind(self, table: Table, what: str) -> None:
         is_pose = isinstance(table, PoseEstimates)
         if is_pose != (self.protocol.kind == "pose"):
             kinds = ("6D poses", "2D detections")
@@ -309,45 +254,8 @@ class Evaluator:
                 f"holds {kinds[not is_pose]}; choose another --protocol (sixd protocols lists them)"
             )
 
-    def _refuse_foreign(self, table: Results, file: str) -> None:
-        """Refuse results most of which name scenes or objects that the dataset does not have."""
-        if not len(table):
-            return
-        scenes, objects = self.dataset.scene_ids, self.dataset.object_ids
-        unknown = ~(np.isin(table.scene_id, scenes) & np.isin(table.obj_id, objects))
-        images = self.targets.images
-        on_target = find_rows((table.scene_id, table.im_id), (images[:, 0], images[:, 1])) >= 0
-        if unknown.mean() > MOST_UNKNOWN or not on_target.any():
-            raise UsageError(
-                f"{file or 'the results'}: {unknown.sum()} of {len(table)} rows name a scene or "
-                f"object that {self.dataset.name} ({self.dataset.split}) does not have, and "
-                f"{on_target.sum()} are in a target image; are they for another dataset?\n"
-                f"    expected: scenes {some(scenes)}; objects {some(objects)}\n"
-                f"    got: scenes {some(sorted(set(table.scene_id.tolist())))}; "
-                f"objects {some(sorted(set(table.obj_id.tolist())))}"
-            )
 
-
-def _refuse_foreign_name(path: Path, dataset: Dataset) -> None:
-    """Refuse a file that is not there, or whose BOP-style name is of another known dataset."""
-    if not path.is_file():
-        raise MissingDataError(f"no results file at {path}")
-    named = re.match(r"[^_]*_([a-z0-9]+)-", path.name)
-    known = known_datasets()
-    if named and dataset.name in known and named[1] in set(known) - {dataset.name}:
-        raise UsageError(
-            f"{path.name} is named as results for {named[1]}, not for {dataset.name}; "
-            f"give --dataset {named[1]}, or rename the file if its name is wrong"
-        )
-
-
-def default_protocol(results: str | Path) -> str:
-    """The protocol for results whose user names none, by what kind of file it is."""
-    kind = open_results_text(results, Limits()).kind
-    return "bop19-localization" if kind == "pose-csv" else "bop22-detection2d"
-
-
-def sha256_of_table(table: Results) -> str:
+def sha256_of_table(table: Table) -> str:
     """Hex digest of a table's columns, for results that never were a file."""
     digest = hashlib.sha256()
     for name in ("scene_id", "im_id", "obj_id", "score", "time_s"):

@@ -24,7 +24,9 @@ from sixd.evaluation.protocol import EvalProtocol
 from sixd.evaluation.scores import table_column
 from sixd.evaluation.selection import Selection
 from sixd.geometry.pose import Pose
+from sixd.metrics.reference import within_reach
 from sixd.results.tables import PoseEstimates
+from sixd.rows import rows_of_each
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -89,7 +91,11 @@ def measure(
         scene_id=selection.scene_id[group],
         im_id=selection.im_id[group],
         obj_id=selection.obj_id[group],
-        within_reach=_within_reach(protocol, est, gt, groups.diameter_mm[group]),
+        within_reach=(
+            within_reach(est, gt, groups.diameter_mm[group])
+            if protocol.reach_check
+            else np.ones(len(group), bool)
+        ),
         errors=_empty_errors(protocol, len(group)),
     )
     _run(job, pairs, selection, estimates, truth, workers, progress)
@@ -132,16 +138,6 @@ def _groups(selection: Selection, dataset: Dataset) -> Groups:
         diameter_mm[obj] if len(objects) else np.zeros(0),
         (MSPD_WIDTH_PX / width_px)[scene] if len(scenes) else np.zeros(0),
     )
-
-
-def _within_reach(
-    protocol: EvalProtocol, est: Pose, gt: Pose, diameter_mm: Floats
-) -> NDArray[np.bool_]:
-    if not protocol.reach_check:
-        return np.ones(len(est), bool)
-    apart_mm = np.linalg.norm(est.t_mm - gt.t_mm, axis=-1)
-    near: NDArray[np.bool_] = apart_mm < diameter_mm
-    return near
 
 
 def _empty_errors(protocol: EvalProtocol, n_pairs: int) -> dict[str, Floats]:
@@ -188,11 +184,9 @@ def _run(
 
 
 def _by_object(obj_id: Ints) -> Iterator[tuple[int, Ints]]:
-    order = np.argsort(obj_id, kind="stable")
-    objects, first = np.unique(obj_id[order], return_index=True)
-    for obj, rows in zip(objects, np.split(order, first[1:]), strict=True):
+    for obj, rows in rows_of_each(obj_id):
         for start in range(0, len(rows), CHUNK):
-            yield int(obj), rows[start : start + CHUNK]
+            yield obj, rows[start : start + CHUNK]
 
 
 def _measure_object(job: _Job, obj_id: int, rows: Ints) -> None:

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixd.datasets.truth import GroundTruth
-from sixd.errors import UsageError
 from sixd.evaluation.errors_table import Pairs
-from sixd.evaluation.keys import row_codes
 from sixd.evaluation.protocol import EvalProtocol
 from sixd.evaluation.selection import Selection
 from sixd.geometry.pose import Pose
 from sixd.results.tables import PoseEstimates
+from sixd.rows import row_codes, rows_of_each
 
 if TYPE_CHECKING:
     from sixd.evaluation.prepared import PreparedModels
@@ -42,23 +41,15 @@ class VsdTask:
         self.gt = truth.pose_c_m[selection.truth_rows]
         self.spec = next(e for e in protocol.errors if e.name == "vsd")
         self.reach_check = protocol.reach_check
-        delta_mm = models.dataset.spec.vsd_delta_mm
-        if delta_mm is None:
-            raise UsageError(
-                f"{models.dataset.name} defines no vsd_delta_mm, so VSD is not defined on it; "
-                "leave it out (--errors mssd,mspd) or set vsd_delta_mm in its dataset.toml"
-            )
-        self.delta_mm = delta_mm
+        assert models.dataset.spec.vsd_delta_mm is not None  # read_inputs refused it
+        self.delta_mm = models.dataset.spec.vsd_delta_mm
 
     def images(self) -> Iterator[tuple[int, Ints]]:
         """``(group, pair rows)`` of each image that has pairs; any group of it names the image."""
         group = self.selection.estimate_group[self.pairs.estimate]
         (image,) = row_codes((self.selection.scene_id[group], self.selection.im_id[group]))
-        order = np.argsort(image, kind="stable")
-        _, first = np.unique(image[order], return_index=True)
-        for rows in np.split(order, first[1:]):
-            if len(rows):
-                yield int(group[rows[0]]), rows
+        for _, rows in rows_of_each(image):
+            yield int(group[rows[0]]), rows
 
     def measure_image(self, group: int, rows: Ints) -> None:
         """Render the poses of one image and compare all its pairs with the depth image."""
@@ -68,11 +59,7 @@ class VsdTask:
         scene_id = int(self.selection.scene_id[group])
         im_id = int(self.selection.im_id[group])
         image = dataset.cameras(scene_id)[im_id]
-        if image.K is None:
-            raise UsageError(
-                f"scene {scene_id}, image {im_id} of {dataset.name} was taken by a camera that is "
-                "not a pinhole, where VSD is not defined; leave it out: --errors mssd,mspd"
-            )
+        assert image.K is not None  # read_inputs refused other cameras
         est, est_pose = np.unique(self.pairs.estimate[rows], return_inverse=True)
         gt, gt_pose = np.unique(self.pairs.truth[rows], return_inverse=True)
         groups = np.concatenate(

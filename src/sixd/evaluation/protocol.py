@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass, replace
-from typing import Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from sixd.errors import UsageError
+
+if TYPE_CHECKING:
+    from sixd.results.lint import CheckRules
 
 ErrorName = Literal["vsd", "mssd", "mspd", "add", "adi", "ad"]
 Unit = Literal["diameter", "mm", "px@640", "fraction"]
@@ -58,7 +62,8 @@ class EvalProtocol:
     kind: Kind
     task: Task
     statistic: Statistic
-    targets_file: str
+    targets_list: str
+    """End of the name of its list of targets, which begins with the split: ``test_...``."""
     errors: tuple[ErrorSpec, ...] = ()
     score: str = ""
     """Key of the headline score: the mean of the scores of ``headline``."""
@@ -73,32 +78,45 @@ class EvalProtocol:
     """Estimates of objects that are not in the image are false positives."""
     reach_check: bool = True
     """Errors in mm are infinite, VSD is 1, where the two centres are a diameter apart (BOP)."""
-    modal_boxes: bool = False
 
     @property
     def id(self) -> str:
         """``name@version``."""
         return f"{self.name}@{self.version}"
 
+    def targets_file_of(self, split: str) -> str:
+        """Name of the list of targets in a dataset's folder: ``test_targets_bop19.json``."""
+        return f"{split}_{self.targets_list}"
+
+    def check_rules(self, split: str = "test") -> CheckRules:
+        """What `sixd.check_file` is to hold a results file against."""
+        from sixd.results.lint import CheckRules
+
+        return CheckRules(
+            targets_file=self.targets_file_of(split),
+            kind=self.kind,
+            cap=self.cap_estimates,
+            every_target_object=self.task != "detection",
+        )
+
     @property
     def needs_depth(self) -> bool:
         """Whether test depth images are read."""
         return any(e.name == "vsd" for e in self.errors)
 
-    def with_errors(self, names: tuple[str, ...]) -> EvalProtocol:
-        """The same protocol restricted to some of its errors (by name or key).
+    def with_errors(self, keys: tuple[str, ...]) -> EvalProtocol:
+        """The same protocol restricted to some of its errors, by their keys.
 
         Raises:
-            UsageError: a name is not among the protocol's errors.
+            UsageError: a key is not among the protocol's errors, or none is given.
         """
-        known = {e.key for e in self.errors} | {e.name for e in self.errors}
-        unknown = [n for n in names if n not in known]
-        if unknown or not names:
+        known = [e.key for e in self.errors]
+        if not keys or set(keys) - set(known):
             raise UsageError(
-                f"{self.name} measures {', '.join(e.key for e in self.errors) or 'no pose errors'};"
-                f" got --errors {','.join(names) or '(nothing)'}"
+                f"{self.name} measures {', '.join(known) or 'no pose errors'}; "
+                f"got --errors {','.join(keys) or '(nothing)'}"
             )
-        return replace(self, errors=tuple(e for e in self.errors if {e.name, e.key} & set(names)))
+        return replace(self, errors=tuple(e for e in self.errors if e.key in keys))
 
 
 _FRACTIONS = steps(0.05, 0.50, 0.05)
@@ -114,7 +132,7 @@ _BOP24_DETECTION = EvalProtocol(
     kind="pose",
     task="detection",
     statistic="average-precision",
-    targets_file="test_targets_bop24.json",
+    targets_list="targets_bop24.json",
     errors=(_MSSD, _MSPD, _MSSD_MM),
     score="AP",
     headline=("mssd", "mspd"),
@@ -128,9 +146,8 @@ _BOP22_DETECTION = EvalProtocol(
     kind="bbox",
     task="detection",
     statistic="coco",
-    targets_file="test_targets_bop19.json",
+    targets_list="targets_bop19.json",
     score="AP",
-    visib_min=0.1,
 )
 
 PROTOCOLS: dict[str, EvalProtocol] = {
@@ -143,7 +160,7 @@ PROTOCOLS: dict[str, EvalProtocol] = {
             kind="pose",
             task="localization",
             statistic="recall",
-            targets_file="test_targets_bop19.json",
+            targets_list="targets_bop19.json",
             errors=(_VSD, _MSSD, _MSPD),
             score="AR",
             headline=("vsd", "mssd", "mspd"),
@@ -176,7 +193,7 @@ PROTOCOLS: dict[str, EvalProtocol] = {
             kind="pose",
             task="single-instance",
             statistic="recall",
-            targets_file="test_targets_bop18.json",
+            targets_list="targets_bop18.json",
             errors=(
                 ErrorSpec(
                     "vsd", "fraction", (0.3,), taus=(20.0,), tau_unit="mm", missing_depth_hides=True
@@ -193,7 +210,7 @@ PROTOCOLS: dict[str, EvalProtocol] = {
             kind="pose",
             task="localization",
             statistic="recall",
-            targets_file="test_targets_bop19.json",
+            targets_list="targets_bop19.json",
             errors=(ErrorSpec("ad", "diameter", (0.1,)),),
             score="AR",
             headline=("ad",),
@@ -206,7 +223,7 @@ PROTOCOLS: dict[str, EvalProtocol] = {
             kind="pose",
             task="localization",
             statistic="auc",
-            targets_file="test_targets_bop19.json",
+            targets_list="targets_bop19.json",
             errors=(
                 ErrorSpec("add", "mm", (100.0,)),
                 ErrorSpec("adi", "mm", (100.0,)),
@@ -236,3 +253,17 @@ def get_protocol(name: str | EvalProtocol) -> EvalProtocol:
     if version and version != str(protocol.version):
         raise UsageError(f"this sixd has {protocol.id}, not {name}")
     return protocol
+
+
+def default_protocol(results: str | Path) -> str:
+    """Name of the protocol for results whose user names none, by what the file holds.
+
+    Raises:
+        FormatError: the file is neither a pose CSV nor COCO JSON.
+        MissingDataError: there is no such file.
+    """
+    from sixd.results.reading import kind_of_results
+
+    kinds = {"pose": "bop19-localization", "bbox": "bop22-detection2d",
+             "segm": "bop22-segmentation2d"}  # fmt: skip
+    return kinds[kind_of_results(results)]

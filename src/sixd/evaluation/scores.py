@@ -72,8 +72,9 @@ def score(table: ErrorTable, protocol: EvalProtocol) -> Scores:
         "object": _by_part(table, scored, protocol, "object"),
         "scene": _by_part(table, scored, protocol, "scene"),
         "threshold": _by_threshold(scored, protocol),
-        "visibility": _by_visibility(table, scored),
     }
+    if protocol.task != "single-instance":  # there any instance will do, so none has its own score
+        breakdowns["visibility"] = _by_visibility(table, scored)
     return Scores(with_headline(values, protocol), breakdowns)
 
 

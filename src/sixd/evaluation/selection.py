@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from sixd.datasets.targets import Targets
 from sixd.datasets.truth import GroundTruth
 from sixd.errors import MissingDataError
-from sixd.evaluation.keys import best_first, find_rows, first_of_each, rank_in_group
 from sixd.evaluation.protocol import EvalProtocol
 from sixd.results.tables import PoseEstimates
+from sixd.rows import best_first, find_rows, first_of_each, rank_in_group
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -41,7 +41,9 @@ class Selection:
     truth_matchable: Bools
     truth_counted: Bools
     """Instances that must be found. A match with another one is ignored."""
-    ignored: Mapping[str, int] = field(default_factory=dict)
+    within_cap: Bools
+    """``(N,)`` of all estimates: those that the cap leaves; averages of time are over them."""
+    ignored: Mapping[str, int]
     """Estimates that play no part, by reason."""
 
     @property
@@ -121,8 +123,9 @@ def _select_localization(
         "not_a_target": int((~on_target).sum()),
         "beyond_instance_count": int((on_target & ~kept).sum()),
     }
+    everything = np.ones(len(estimates), bool)
     return _build(groups, n_wanted, estimates, estimate_group, kept, truth, truth_group, matchable,
-                  matchable, ignored)  # fmt: skip
+                  matchable, everything, ignored)  # fmt: skip
 
 
 def _select_detection(
@@ -160,7 +163,7 @@ def _select_detection(
     n_wanted = np.bincount(truth_group[(truth_group >= 0) & counted], minlength=len(group_obj))
     groups = (images[0][group_image], images[1][group_image], group_obj)
     return _build(groups, n_wanted, estimates, estimate_group, kept, truth, truth_group,
-                  np.ones(len(truth), bool), counted, ignored)  # fmt: skip
+                  np.ones(len(truth), bool), counted, within_cap, ignored)  # fmt: skip
 
 
 def _in_scene_order(targets: Targets) -> tuple[Ints, Ints]:
@@ -182,6 +185,7 @@ def _build(
     truth_group: Ints,
     matchable: Bools,
     counted: Bools,
+    within_cap: Bools,
     ignored: Mapping[str, int],
 ) -> Selection:
     estimate_rows = np.flatnonzero(kept)
@@ -198,5 +202,6 @@ def _build(
         truth_group=truth_group[truth_rows],
         truth_matchable=matchable[truth_rows],
         truth_counted=counted[truth_rows],
+        within_cap=within_cap,
         ignored=ignored,
     )

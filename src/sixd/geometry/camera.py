@@ -256,4 +256,6 @@ def _numbers(values: Any, counts: tuple[int, ...], file: str, field: str) -> Flo
 
 def _fail(file: str, field: str, what: str, expected: str, got: str) -> None:
     fix = "see the BOP format of scene_camera.json"
-    raise FormatError([Problem("bad-camera", what, file, None, field, expected, got, fix)])
+    raise FormatError(
+        [Problem("bad-camera", what, file=file, field=field, expected=expected, got=got, fix=fix)]
+    )

@@ -21,6 +21,9 @@ from sixd.geometry.ply import Columns, read_ply
 from sixd.geometry.ply_writing import write_columns
 from sixd.geometry.pose import Floats
 
+MANY_VERTICES = 6000
+"""Comparing so many pairwise takes about as long as importing what makes convex hulls."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -142,15 +145,25 @@ def bounding_box_mm(vertices_mm: Floats) -> tuple[Floats, Floats]:
     return lowest, vertices_mm.max(axis=0) - lowest
 
 
+def face_normals_by_area(mesh: Mesh) -> Floats:
+    """Normals ``(F, 3)``, as long as twice the triangle's area; counter-clockwise is outside."""
+    corners = mesh.vertices_mm[mesh.faces]
+    normals: Floats = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return normals
+
+
 def mesh_diameter_mm(vertices_mm: Floats) -> float:
     """Largest distance of two vertices ``(V, 3)``, mm; exact up to rounding, not sampled.
 
-    It is attained between vertices of the convex hull, so only those are compared, all with all.
+    All vertices are compared with all; of many, only those of the convex hull, where the ends are.
     """
-    points = _hull_vertices(vertices_mm - vertices_mm.mean(axis=0))
+    points = vertices_mm - vertices_mm.mean(axis=0)
+    if len(points) > MANY_VERTICES:
+        points = _hull_vertices(points)
     squares = (points * points).sum(axis=1)
     best = 0.0
-    rows = max(1, 4_000_000 // len(points))
+    # Chunks that stay in the cache.
+    rows = max(1, 250_000 // len(points))
     for start in range(0, len(points), rows):
         # The expanded square finds the partner, the difference gives its distance unrounded.
         chunk = points[start : start + rows]
@@ -179,7 +192,9 @@ def _hull_vertices(centred_mm: Floats) -> Floats:
 
 def _fail(path: Path, what: str, expected: str, got: str) -> NoReturn:
     fix = "export the mesh again"
-    raise FormatError([Problem("bad-mesh", what, str(path), None, "", expected, got[:200], fix)])
+    raise FormatError(
+        [Problem("bad-mesh", what, file=str(path), expected=expected, got=got[:200], fix=fix)]
+    )
 
 
 def _vertices(vertex: Columns, path: Path) -> Floats:

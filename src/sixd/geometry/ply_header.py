@@ -71,7 +71,15 @@ class PlyFile:
     def fail(self, what: str, expected: str, got: str, line: int | None = None) -> NoReturn:
         """Raise `FormatError` about this file."""
         fix = "export the mesh again as PLY (triangles, ASCII or binary)"
-        problem = Problem("bad-ply", what, str(self.path), line, "", expected, got[:200], fix)
+        problem = Problem(
+            "bad-ply",
+            what,
+            file=str(self.path),
+            line=line,
+            expected=expected,
+            got=got[:200],
+            fix=fix,
+        )
         raise FormatError([problem])
 
     def fail_truncated(self, element: PlyElement, expected: str, got: str) -> NoReturn:

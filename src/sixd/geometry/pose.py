@@ -63,3 +63,21 @@ class Pose:
         """Map points ``(P, 3)`` in src to ``(..., P, 3)`` in dst, millimetres."""
         moved: Floats = points_mm @ np.swapaxes(self.R, -1, -2) + self.t_mm[..., None, :]
         return moved
+
+
+def rotations_about(axes: Floats, angles_rad: Floats) -> Floats:
+    """Rotations ``(N, 3, 3)`` about axes ``(N, 3)`` or ``(3,)``, any length but 0 (Rodrigues)."""
+    unit = axes / np.linalg.norm(axes, axis=-1, keepdims=True)
+    x, y, z = np.moveaxis(unit, -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
+    cos, sin = np.cos(angles_rad)[..., None, None], np.sin(angles_rad)[..., None, None]
+    outer = unit[..., :, None] * unit[..., None, :]
+    R: Floats = cos * np.eye(3) + (1 - cos) * outer + sin * cross.reshape(*unit.shape, 3)
+    return R
+
+
+def camera_pose(eye_mm: Floats, forward: Floats, right: Floats) -> Pose:
+    """Camera from world of a camera at a point; its z and x axes are given as unit vectors."""
+    R = np.stack([right, np.cross(forward, right), forward])
+    return Pose(R, -R @ eye_mm)

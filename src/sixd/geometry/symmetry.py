@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sixd.errors import FormatError, Problem, UsageError, check_shape
-from sixd.geometry.pose import Floats, Pose
+from sixd.geometry.pose import Floats, Pose, rotations_about
 
 # models_info.json is written by hand, often with few digits; beyond this it is a mistake.
 _ROTATION_TOLERANCE = 1e-2
@@ -33,11 +33,7 @@ class SymmetryAxis:
 
     def rotations(self, count: int) -> Pose:
         """``count`` turns by ``i * 2 pi / count``, the first by zero; batch shape ``(count,)``."""
-        x, y, z = unit = self.axis / np.linalg.norm(self.axis)
-        angles = np.arange(count) * (2.0 * np.pi / count)
-        cos, sin = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        R = cos * np.eye(3) + (1 - cos) * np.outer(unit, unit) + sin * cross
+        R = rotations_about(self.axis, np.arange(count) * (2.0 * np.pi / count))
         return Pose(R, self.offset_mm - R @ self.offset_mm)
 
 
@@ -160,4 +156,6 @@ def _floats(values: Any, count: int) -> Floats | None:
 
 def _problem(file: str, where: str, what: str, expected: str, got: str) -> Problem:
     fix = "see the BOP format of models_info.json"
-    return Problem("bad-symmetry", what, file, None, where, expected, got, fix)
+    return Problem(
+        "bad-symmetry", what, file=file, field=where, expected=expected, got=got, fix=fix
+    )

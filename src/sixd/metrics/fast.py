@@ -1,13 +1,13 @@
 """The errors of `sixd.metrics.reference` for many pairs of one object, compiled.
 
 The same definitions to rounding, in microseconds a pair: see `sixd.metrics.kernels` for how, and
-``benchmarks/metrics.py`` for how fast. The first call compiles; the code is kept on disk.
+``benchmarks/metrics.py`` for how fast. The first call compiles; the code is kept on disk. Every
+function runs on one core and releases the GIL meanwhile: threads are the caller's business.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ _N_PROBES = 5
 """Vertices looked at under every symmetry, before any symmetry is looked at wholly."""
 
 
-def mssd(est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, *, workers: int = 1) -> Floats:
+def mssd(est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose) -> Floats:
     """`reference.mssd`, mm.
 
     Args:
@@ -30,17 +30,14 @@ def mssd(est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, *, workers: 
         gt: as ``est``; row i is compared with row i.
         cells: the model's vertices.
         symmetries: batch shape ``(S,)``, identity included.
-        workers: threads.
 
     Returns:
         ``(N,)``; infinite for a pose that is not finite.
     """
-    return _symmetric_max(est, gt, cells, symmetries, None, workers)
+    return _symmetric_max(est, gt, cells, symmetries, None)
 
 
-def mspd(
-    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, K: Floats, *, workers: int = 1
-) -> Floats:
+def mspd(est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, K: Floats) -> Floats:
     """`reference.mspd` for pinhole cameras, px.
 
     Args:
@@ -49,16 +46,15 @@ def mspd(
         cells: the model's vertices.
         symmetries: batch shape ``(S,)``, identity included.
         K: intrinsic matrices, ``(N, 3, 3)`` or one ``(3, 3)``.
-        workers: threads.
 
     Returns:
         ``(N,)``; infinite for a pose that is not finite or a vertex without projection.
     """
-    return _symmetric_max(est, gt, cells, symmetries, _of_pairs("K", K, est, (3, 3)), workers)
+    return _symmetric_max(est, gt, cells, symmetries, _of_pairs("K", K, est, (3, 3)))
 
 
 def mspd_fisheye624(
-    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, params: Floats, *, workers: int = 1
+    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, params: Floats
 ) -> Floats:
     """`reference.mspd` for FISHEYE624 cameras, px.
 
@@ -68,7 +64,6 @@ def mspd_fisheye624(
         cells: the model's vertices.
         symmetries: batch shape ``(S,)``, identity included.
         params: of each pair, ``(N, 16)``, or one ``(16,)``; see `Fisheye624Camera.params`.
-        workers: threads.
 
     Returns:
         ``(N,)``; infinite for a pose that is not finite.
@@ -84,7 +79,7 @@ def mspd_fisheye624(
         work = np.zeros(len(sym)), np.zeros((len(points), 2))
         mspd_fisheye_pairs(est, gt, sym, params[rows], points, len(probes), *work, out)
 
-    return _run(kernel, est, gt, workers)
+    return _run(kernel, est, gt)
 
 
 def mspd_cameras(
@@ -93,8 +88,6 @@ def mspd_cameras(
     cells: VertexCells,
     symmetries: Pose,
     cameras: Sequence[Camera] | Camera,
-    *,
-    workers: int = 1,
 ) -> Floats:
     """`reference.mspd`: `mspd` or `mspd_fisheye624`, as each pair's camera asks.
 
@@ -108,49 +101,40 @@ def mspd_cameras(
     pinhole = np.array([isinstance(c, PinholeCamera) for c in of_pair], bool)
     if pinhole.any():
         K = np.array([c.K for c in of_pair if isinstance(c, PinholeCamera)])
-        errors[pinhole] = mspd(est[pinhole], gt[pinhole], cells, symmetries, K, workers=workers)
+        errors[pinhole] = mspd(est[pinhole], gt[pinhole], cells, symmetries, K)
     if not pinhole.all():
         fish = ~pinhole
         params = np.array([_fisheye_params(of_pair[i]) for i in np.flatnonzero(fish)])
-        errors[fish] = mspd_fisheye624(
-            est[fish], gt[fish], cells, symmetries, params, workers=workers
-        )
+        errors[fish] = mspd_fisheye624(est[fish], gt[fish], cells, symmetries, params)
     return errors
 
 
-def add(
-    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose | None = None, *, workers: int = 1
-) -> Floats:
+def add(est: Pose, gt: Pose, cells: VertexCells) -> Floats:
     """`reference.add`, mm: ``(N,)``."""
-    return _mean(est, gt, cells, symmetries, None, workers)
+    return _mean(est, gt, cells, None)
 
 
-def projection(
-    est: Pose,
-    gt: Pose,
-    cells: VertexCells,
-    K: Floats,
-    symmetries: Pose | None = None,
-    *,
-    workers: int = 1,
-) -> Floats:
+def projection(est: Pose, gt: Pose, cells: VertexCells, K: Floats) -> Floats:
     """`reference.projection` for pinhole cameras, K ``(N, 3, 3)`` or ``(3, 3)``; px: ``(N,)``."""
-    return _mean(est, gt, cells, symmetries, _of_pairs("K", K, est, (3, 3)), workers)
+    return _mean(est, gt, cells, _of_pairs("K", K, est, (3, 3)))
 
 
-def adi(est: Pose, gt: Pose, cells: VertexCells, *, workers: int = 1) -> Floats:
+def adi(est: Pose, gt: Pose, cells: VertexCells) -> Floats:
     """`reference.adi`, mm: ``(N,)``."""
+    from sixd.metrics.mean_kernels import adi_pairs
+
     points = np.ascontiguousarray(cells.points_mm.T)
 
     def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
         work = points.copy(), cells.groups.copy(), cells.leaves_mm.copy(), *_scratch(cells)
-        kernels.adi_pairs(est, gt, points, cells.groups, cells.leaves_mm, *work, out)
+        reach = _stretch(est)
+        adi_pairs(est, gt, points, cells.groups, cells.leaves_mm, reach, *work, out)
 
-    return _run(kernel, est, gt, workers)
+    return _run(kernel, est, gt)
 
 
 def _symmetric_max(
-    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, K: Floats | None, workers: int
+    est: Pose, gt: Pose, cells: VertexCells, symmetries: Pose, K: Floats | None
 ) -> Floats:
     sym = _matrices(symmetries)
     probes = _probes(cells, symmetries)
@@ -163,53 +147,39 @@ def _symmetric_max(
         work = np.zeros(len(sym)), *_scratch(cells)
         kernels.symmetric_max_pairs(est, gt, sym, probes, moved, *tree, K is not None, *work, out)
 
-    return _run(kernel, est, gt, workers)
+    return _run(kernel, est, gt)
 
 
-def _mean(
-    est: Pose,
-    gt: Pose,
-    cells: VertexCells,
-    symmetries: Pose | None,
-    K: Floats | None,
-    workers: int,
-) -> Floats:
-    sym = _matrices(Pose.identity(1) if symmetries is None else symmetries)
+def _mean(est: Pose, gt: Pose, cells: VertexCells, K: Floats | None) -> Floats:
+    from sixd.metrics.mean_kernels import mean_pairs
+
     points = np.ascontiguousarray(cells.points_mm.T)
 
     def kernel(est: Floats, gt: Floats, rows: NDArray[np.intp], out: Floats) -> None:
         if K is not None:
             est, gt = _times(K[rows], est), _times(K[rows], gt)
-        work = np.zeros(12), np.zeros(points.shape[1])
-        kernels.mean_pairs(est, gt, sym, points, K is not None, *work, out)
+        work = points.copy(), points.copy()
+        mean_pairs(est, gt, points, K is not None, *work, out)
 
-    return _run(kernel, est, gt, workers)
+    return _run(kernel, est, gt)
 
 
 _Kernel = Callable[[Floats, Floats, NDArray[np.intp], Floats], None]
 
 
-def _run(kernel: _Kernel, est: Pose, gt: Pose, workers: int) -> Floats:
-    """The kernel on finite pairs, in chunks; it gets their matrices and rows."""
+def _run(kernel: _Kernel, est: Pose, gt: Pose) -> Floats:
+    """The kernel on finite pairs: it gets their matrices, their rows and room for their errors."""
     if len(est.batch_shape) != 1 or est.batch_shape != gt.batch_shape:
         raise ShapeError(
             f"est and gt must have one batch shape (N,), got {est.batch_shape} and {gt.batch_shape}"
         )
     est_rows, gt_rows = _matrices(est), _matrices(gt)
     finite = np.isfinite(est_rows).all(axis=1) & np.isfinite(gt_rows).all(axis=1)
-    errors = np.full(len(est), np.inf)
-
-    def work(rows: NDArray[np.intp]) -> None:
-        out = np.zeros(len(rows))
-        kernel(est_rows[rows], gt_rows[rows], rows, out)
-        errors[rows] = out
-
     rows = np.flatnonzero(finite)
-    if workers <= 1 or len(rows) < 2 * workers:
-        work(rows)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(work, np.array_split(rows, 4 * workers)))
+    found = np.zeros(len(rows))
+    kernel(est_rows[rows], gt_rows[rows], rows, found)
+    errors = np.full(len(est), np.inf)
+    errors[rows] = found
     return errors
 
 
@@ -231,6 +201,14 @@ def _matrices(poses: Pose) -> Floats:
 def _times(K: Floats, rows: Floats) -> Floats:
     """K [R | t], ``(N, 12)``."""
     return (K @ rows.reshape(-1, 3, 4)).reshape(-1, 12)
+
+
+def _stretch(rows: Floats) -> Floats:
+    """At least how much each pose stretches any length, ``(N,)``: 1 to rounding for rotations."""
+    R = rows.reshape(-1, 3, 4)[..., :3]
+    # |R v|^2 = v R^T R v, and the Frobenius norm of R^T R - 1 bounds what that has beyond v v.
+    defect = np.linalg.norm(R.swapaxes(1, 2) @ R - np.eye(3), axis=(1, 2))
+    return np.sqrt(1 + defect)
 
 
 def _scratch(cells: VertexCells) -> tuple[Floats, NDArray[np.int64]]:

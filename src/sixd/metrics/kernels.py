@@ -1,4 +1,4 @@
-"""Compiled loops over pairs of poses. Call them through `sixd.metrics.fast`: importing costs.
+"""Compiled MSSD and MSPD of pairs of poses. Call through `sixd.metrics.fast`: importing costs.
 
 Poses are the 12 entries of [R | t], row by row, or of K [R | t] where errors are in pixels. The
 largest error over the vertices is searched in the tree of `VertexCells`, branch and bound: a cell
@@ -167,6 +167,8 @@ def _cell_bounds_px(E, G, group, distance2, bound2):
     difference of two projections changes by B d, B = M_e - M_g, and a rest of at most
     |B| r q / (1 - q) + |M_g| r |p_e - p_g| r / (1 - q)^2, q the larger |p| r; all of it vanishes
     as the poses approach each other. A cell that reaches the camera's plane (q >= 1) has no bound.
+
+    Long, but one formula: its parts share nearly all terms, and the loop is vectorised whole.
     """
     e00, e01, e02, e03, e10, e11, e12, e13, e20, e21, e22, e23 = E
     g00, g01, g02, g03, g10, g11, g12, g13, g20, g21, g22, g23 = G
@@ -343,112 +345,3 @@ def symmetric_max_pairs(
                 )
                 best2 = min(best2, found2)
         out[i] = math.sqrt(best2)
-
-
-@compiled
-def mean_pairs(est, gt, sym, points, in_pixels, moved_gt, distance2, out):
-    """ADD or the projection error of each pair: min over symmetries of the mean over vertices.
-
-    est, gt ``(N, 12)``; sym ``(S, 12)``; points ``(3, V)``; out ``(N,)``. Working memory:
-    moved_gt ``(12,)``, distance2 ``(V,)``.
-    """
-    for i in range(len(out)):
-        out[i] = np.inf
-        for s in range(len(sym)):
-            _compose(gt[i], sym[s], moved_gt)
-            _leaf_gaps(_entries(est[i]), _entries(moved_gt), points, in_pixels, distance2)
-            total = 0.0
-            for k in range(len(distance2)):
-                total += math.sqrt(distance2[k])
-            if total / len(distance2) < out[i]:  # false for NaN: the error stays infinite
-                out[i] = total / len(distance2)
-
-
-@inner
-def _pose_rows(P, rows, out):
-    """Write the ``(3, M)`` columns of rows to out, posed."""
-    p00, p01, p02, p03, p10, p11, p12, p13, p20, p21, p22, p23 = _entries(P)
-    xs, ys, zs = rows[0], rows[1], rows[2]
-    for k in range(len(xs)):
-        out[0, k] = p00 * xs[k] + p01 * ys[k] + p02 * zs[k] + p03
-        out[1, k] = p10 * xs[k] + p11 * ys[k] + p12 * zs[k] + p13
-        out[2, k] = p20 * xs[k] + p21 * ys[k] + p22 * zs[k] + p23
-
-
-@inner
-def _nearest_gap2(x, y, z, groups, reach, leaves, rows, stack, near):
-    """Squared distance to the nearest posed vertex; ``near`` begins and ends with that vertex.
-
-    groups, leaves: those of `VertexCells`, posed; ``reach``: how much the pose may stretch radii.
-    """
-    dx, dy, dz = x - near[0], y - near[1], z - near[2]
-    best2 = dx * dx + dy * dy + dz * dz
-    distance2, bound2, stack2 = rows[0], rows[1], rows[2]
-    n_groups = len(groups)
-    top = 1
-    stack[0], stack2[0] = 0, 0.0
-    while top > 0:
-        top -= 1
-        if stack2[top] >= best2:
-            continue
-        node = stack[top]
-        cells = groups[node] if node < n_groups else leaves[node - n_groups]
-        xs, ys, zs = cells[0], cells[1], cells[2]
-        for k in range(len(xs)):
-            dx, dy, dz = x - xs[k], y - ys[k], z - zs[k]
-            distance2[k] = dx * dx + dy * dy + dz * dz
-        at = -1
-        for k in range(len(xs)):
-            if distance2[k] < best2:
-                best2, at = distance2[k], k
-        if at >= 0:
-            near[0], near[1], near[2] = xs[at], ys[at], zs[at]
-        if node < n_groups:
-            first = 0
-            for k in range(8):
-                gap = math.sqrt(distance2[k]) - cells[3, k] * reach
-                bound2[k] = gap * gap * (2.0 - _UP) if gap > 0.0 else 0.0
-                if distance2[k] < distance2[first]:
-                    first = k
-            # The cell with the nearest centre goes on top: it lowers the bar for the others.
-            for j in range(8):
-                k = first if j == 7 else (j + 1 if j >= first else j)
-                if bound2[k] < best2:
-                    stack[top], stack2[top] = 8 * node + 1 + k, bound2[k]
-                    top += 1
-    return best2
-
-
-@compiled
-def adi_pairs(
-    est, gt, points, groups, leaves, posed_points, posed_groups, posed_leaves, rows, stack, out
-):
-    """ADI of each pair: mean over vertices posed by gt of the way to the nearest posed by est.
-
-    est, gt ``(N, 12)``; points ``(3, V)``; groups and leaves of `VertexCells`; out ``(N,)``.
-    Working memory: copies of points, groups and leaves; rows ``(4, max(128, M))``, stack
-    ``(128,)`` int64.
-    """
-    near = rows[3]
-    for i in range(len(out)):
-        for g in range(len(groups)):
-            _pose_rows(est[i], groups[g], posed_groups[g])
-        for g in range(len(leaves)):
-            _pose_rows(est[i], leaves[g], posed_leaves[g])
-        _pose_rows(gt[i], points, posed_points)
-        # A pose stretches by its Frobenius norm at most; rotations, not at all.
-        reach2 = 1.0 + _defect(est[i])
-        if not reach2 < 1.01:
-            reach2 = 0.0
-            for k in range(12):
-                reach2 += est[i, k] * est[i, k]
-        reach = math.sqrt(reach2)
-        for r in range(3):
-            near[r] = posed_leaves[0, r, 0]
-        total = 0.0
-        for k in range(posed_points.shape[1]):
-            x, y, z = posed_points[0, k], posed_points[1, k], posed_points[2, k]
-            total += math.sqrt(
-                _nearest_gap2(x, y, z, posed_groups, reach, posed_leaves, rows, stack, near)
-            )
-        out[i] = total / posed_points.shape[1]

@@ -60,22 +60,20 @@ def mspd(
     return errors
 
 
-def add(est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose | None = None) -> Floats:
+def add(est: Pose, gt: Pose, points_mm: Floats) -> Floats:
     """Average Distance of Distinguishable model points (Hinterstoisser et al., ACCV 2012).
 
     Args:
         est: model-to-camera poses, batch shape ``(N,)``.
         gt: as ``est``; row i is compared with row i.
         points_mm: model vertices, ``(V, 3)``.
-        symmetries: batch shape ``(S,)``; the smallest average over them. None, as in the paper:
-            the identity alone.
 
     Returns:
         ``(N,)`` mm.
     """
     errors = np.zeros(_pair_count(est, gt))
-    for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
-        errors[i] = np.linalg.norm(est_mm - gt_mm, axis=-1).mean(axis=-1).min()
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, Pose.identity(1)):
+        errors[i] = np.linalg.norm(est_mm - gt_mm[0], axis=-1).mean()
     return _nan_to_inf(errors)
 
 
@@ -89,7 +87,7 @@ def adi(est: Pose, gt: Pose, points_mm: Floats) -> Floats:
         ``(N,)`` mm.
     """
     errors = np.zeros(_pair_count(est, gt))
-    for i, est_mm, gt_mm in _posed(est, gt, points_mm, None):
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, Pose.identity(1)):
         total = 0.0
         rows = max(1, 2_000_000 // len(points_mm))
         for start in range(0, len(points_mm), rows):
@@ -100,11 +98,7 @@ def adi(est: Pose, gt: Pose, points_mm: Floats) -> Floats:
 
 
 def projection(
-    est: Pose,
-    gt: Pose,
-    points_mm: Floats,
-    cameras: Sequence[Camera] | Camera,
-    symmetries: Pose | None = None,
+    est: Pose, gt: Pose, points_mm: Floats, cameras: Sequence[Camera] | Camera
 ) -> Floats:
     """Average distance of projected vertices (Brachmann et al., CVPR 2016).
 
@@ -113,15 +107,14 @@ def projection(
         gt: as ``est``; row i is compared with row i.
         points_mm: model vertices, ``(V, 3)``.
         cameras: one for all pairs, or N.
-        symmetries: batch shape ``(S,)``; the smallest average over them. None: identity alone.
 
     Returns:
         ``(N,)`` px; infinite where a vertex has no projection.
     """
     of_pair = _per_pair(cameras, _pair_count(est, gt))
     errors = np.zeros(len(of_pair))
-    for i, est_mm, gt_mm in _posed(est, gt, points_mm, symmetries):
-        errors[i] = _pixel_distances(of_pair[i], est_mm, gt_mm).mean(axis=-1).min()
+    for i, est_mm, gt_mm in _posed(est, gt, points_mm, Pose.identity(1)):
+        errors[i] = _pixel_distances(of_pair[i], est_mm, gt_mm[0]).mean()
     return errors
 
 
@@ -162,14 +155,14 @@ def translation_error_mm(est: Pose, gt: Pose, symmetries: Pose | None = None) ->
     return _nan_to_inf(np.linalg.norm(est.t_mm[:, None] - moved.t_mm, axis=-1).min(axis=1))
 
 
-def centres_too_far(est: Pose, gt: Pose, diameter_mm: float | Floats) -> NDArray[np.bool_]:
-    """Whether the origins are a diameter apart or more: ``(N,)``.
+def within_reach(est: Pose, gt: Pose, diameter_mm: float | Floats) -> NDArray[np.bool_]:
+    """Whether the origins are less than a diameter apart: ``(N,)``; False for NaN.
 
-    Where they are, the BOP protocols set MSSD, ADD and ADI to infinity without computing them, no
-    symmetry considered (BOP rules, section 5). Not part of the errors' definition.
+    Where they are not, the BOP protocols set MSSD, ADD and ADI to infinity without computing them,
+    no symmetry considered (BOP rules, section 5). Not part of the errors' definition.
     """
-    too_far: NDArray[np.bool_] = translation_error_mm(est, gt) >= diameter_mm
-    return too_far
+    near: NDArray[np.bool_] = translation_error_mm(est, gt) < diameter_mm
+    return near
 
 
 def auc(errors_mm: Floats, max_mm: float = 100.0) -> float:
@@ -209,18 +202,18 @@ def _pair_count(est: Pose, gt: Pose) -> int:
 
 
 def _posed(
-    est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose | None
+    est: Pose, gt: Pose, points_mm: Floats, symmetries: Pose
 ) -> Iterator[tuple[int, Floats, Floats]]:
     """Pair by pair: vertices under the estimate ``(V, 3)``, under every truth ``(S, V, 3)``."""
     check_shape("points_mm", points_mm, (3,))
     if points_mm.ndim != 2 or not len(points_mm):
         raise ShapeError(f"points_mm must have shape (V, 3) with V > 0, got {points_mm.shape}")
-    group = Pose.identity(1) if symmetries is None else symmetries
-    if len(group.batch_shape) != 1 or not len(group):
-        raise ShapeError(f"symmetries must have batch shape (S,), S > 0, got {group.batch_shape}")
+    if len(symmetries.batch_shape) != 1 or not len(symmetries):
+        got = symmetries.batch_shape
+        raise ShapeError(f"symmetries must have batch shape (S,), S > 0, got {got}")
     for i in range(len(est)):
         with np.errstate(invalid="ignore"):  # poses that are not finite
-            posed = est[i].apply(points_mm), (gt[i] @ group).apply(points_mm)
+            posed = est[i].apply(points_mm), (gt[i] @ symmetries).apply(points_mm)
         yield i, *posed
 
 

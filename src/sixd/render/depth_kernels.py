@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, uint64
 
-EDGE_SLACK = 1e-11
-"""Barycentric tolerance of "inside": closes cracks of rounding between neighbours."""
+from sixd.render.reference import EDGE_SLACK
+
 NO_AREA = 1e-12
 """Square pixels; a triangle of less, or of NaN, covers no pixel centre its neighbours do not."""
 ROW_LOOP_COLUMNS = 6

@@ -17,7 +17,11 @@ from sixd.geometry.pose import Floats, Pose
 from sixd.render.clipping import NEAR_MM
 
 EDGE_SLACK = 1e-11
-"""A ray this close outside of a triangle, in barycentric units, still meets it: no cracks."""
+"""A ray this close outside of a triangle, in barycentric units, still meets it: no cracks.
+
+The kernels take it from here. Whoever changes it must change or touch their files too: numba's
+cache notices changes of the compiled module only.
+"""
 BOX_SLACK_PX = 1e-6
 """Boxes are larger than their triangles by this, so that they never decide."""
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-EDGE_SLACK = 1e-11
+from sixd.render.reference import EDGE_SLACK
 
 _compile = njit(nogil=True, cache=True, error_model="numpy")
 _part = njit(nogil=True, error_model="numpy")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sixd.geometry.pose import Floats, Pose
+from sixd.geometry.pose import Floats, camera_pose
 from sixd.render.raster import projection_matrices, render_crop
 from sixd.render.scene import SceneObject, SceneRaster
 
@@ -53,23 +53,17 @@ def shadow_map(
     depth_mm = raster.depth_mm[every][rows, columns]
     points_mm = pixels @ np.linalg.inv(K).T * depth_mm[:, None]
     low, high = points_mm.min(axis=0), points_mm.max(axis=0)
-    radius = max(float(np.linalg.norm(high - low)) / 2, 1.0)
-    pose_l_c = _looking_along(-to_light, (low + high) / 2 + FAR * radius * to_light)
-    focal = MAP_PX / 2 * np.sqrt(FAR**2 - 1)
-    light_K = np.array([[focal, 0, MAP_PX / 2], [0, focal, MAP_PX / 2], [0, 0, 1]])
+    radius_mm = max(float(np.linalg.norm(high - low)) / 2, 1.0)
+    right = np.cross(np.eye(3)[np.argmin(np.abs(to_light))], to_light)
+    pose_l_c = camera_pose(
+        (low + high) / 2 + FAR * radius_mm * to_light, -to_light, right / np.linalg.norm(right)
+    )
+    focal_px = MAP_PX / 2 * np.sqrt(FAR**2 - 1)
+    light_K = np.array([[focal_px, 0, MAP_PX / 2], [0, focal_px, MAP_PX / 2], [0, 0, 1]])
     nearest = np.full((MAP_PX, MAP_PX), np.inf)
     for item in objects:
         crop = render_crop(item.mesh, pose_l_c @ item.pose_c_m, light_K, (MAP_PX, MAP_PX))
         height, width = crop.depth_mm.shape
         part = nearest[crop.y0 : crop.y0 + height, crop.x0 : crop.x0 + width]
         np.minimum(part, crop.depth_mm, out=part, where=crop.depth_mm > 0)
-    return ShadowMap(nearest, projection_matrices(pose_l_c, light_K), 2 * radius / MAP_PX)
-
-
-def _looking_along(forward: Floats, eye_mm: Floats) -> Pose:
-    """Camera at ``eye_mm`` whose z axis is ``forward``, a unit vector."""
-    aside = np.eye(3)[np.argmin(np.abs(forward))]
-    x = np.cross(aside, forward)
-    x /= np.linalg.norm(x)
-    R = np.stack([x, np.cross(forward, x), forward])
-    return Pose(R, -R @ eye_mm)
+    return ShadowMap(nearest, projection_matrices(pose_l_c, light_K), 2 * radius_mm / MAP_PX)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sixd.errors import MissingDataError
-from sixd.geometry.mesh import Mesh
+from sixd.geometry.mesh import Mesh, face_normals_by_area
 from sixd.geometry.pose import Floats
 from sixd.render.scene import SceneObject
 
@@ -19,8 +19,7 @@ def camera_normals(item: SceneObject) -> tuple[Floats, Floats]:
     Vertices keep the normals of the file; without, they take the mean of their triangles by area.
     """
     mesh, to_camera = item.mesh, item.pose_c_m.R.T
-    corners = mesh.vertices_mm[mesh.faces]
-    by_area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    by_area = face_normals_by_area(mesh)
     at_vertices = mesh.normals
     if at_vertices is None:
         at_vertices = np.zeros(mesh.vertices_mm.shape)

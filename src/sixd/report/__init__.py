@@ -1,1 +1,1 @@
-"""TODO room."""
+"""What people read: tables for the terminal."""

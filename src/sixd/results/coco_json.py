@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixd.errors import FormatError, Problem
-from sixd.results.atomic import write_results_text
 from sixd.results.coco_entries import Entry, read_entries_slowly
 from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.pose_csv import refuse_rows, too_many_rows
 from sixd.results.pose_csv_rows import bad_encoding
-from sixd.results.source import ResultsText, open_results_text
+from sixd.results.results_text import ResultsText, open_results_text
 from sixd.results.tables import Detections, times_of_file
+from sixd.results.text_writing import write_results_text
 
 _ENTRIES = msgspec.json.Decoder(list[Entry])
 _RAW_ENTRIES = msgspec.json.Decoder(list[msgspec.Raw])
@@ -61,7 +61,7 @@ def write_coco_json(path: str | Path, detections: Detections) -> None:
 
     Raises:
         UsageError: a score or box is not finite; nothing is written.
-        MissingDataError: the folder does not exist or may not be written.
+        OutputError: the file cannot be written.
     """
     boxes = detections.bbox_xywh_px
     refuse_rows(path, "score", ~np.isfinite(detections.score))

@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 
 from sixd.errors import Problem, UsageError
-from sixd.results.atomic import write_results_text
 from sixd.results.json_values import values_of_list
 from sixd.results.limits import Limits
 from sixd.results.lint import CheckReport, check_file
@@ -24,8 +23,9 @@ from sixd.results.lint_poses import (
     determinant,
     orthogonality_error,
 )
-from sixd.results.source import open_results_text
+from sixd.results.results_text import open_results_text
 from sixd.results.tables import Detections, Floats, PoseEstimates
+from sixd.results.text_writing import write_results_text
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ def fix_file(path: str | Path, out: str | Path, *, limits: Limits | None = None)
 
     Raises:
         UsageError: ``out`` is the file itself.
-        MissingDataError: there is no such file, or ``out`` cannot be written.
+        MissingDataError: there is no such file.
+        OutputError: ``out`` cannot be written.
     """
     path, out = Path(path), Path(out)
     if out.exists() and path.exists() and out.samefile(path):

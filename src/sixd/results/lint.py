@@ -13,10 +13,10 @@ from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.lint_dataset import check_known_ids, check_targets
 from sixd.results.lint_detections import check_detections
-from sixd.results.lint_images import check_cap, check_images, images_of
+from sixd.results.lint_images import check_cap, check_images, count_images
 from sixd.results.lint_poses import check_poses
 from sixd.results.reading import parse_results
-from sixd.results.source import Kind, open_results_text
+from sixd.results.results_text import Kind, open_results_text
 from sixd.results.tables import PoseEstimates, Table
 
 if TYPE_CHECKING:
@@ -25,7 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CheckRules:
-    """What an evaluation protocol asks of a results file."""
+    """What an evaluation protocol asks of a results file.
+
+    `EvalProtocol.check_rules` makes those of a protocol::
+
+        rules = sixd.PROTOCOLS["bop19-localization"].check_rules()
+        sixd.check_file("method_lmo-test.csv", dataset, rules)
+    """
 
     targets_file: str | None = None
     """List of targets, in the dataset's folder."""
@@ -99,8 +105,8 @@ def check_file(
     Args:
         path: a pose CSV or a COCO results JSON, plain or gzipped, whatever its name.
         dataset: check ids and image sizes against it.
-        protocol: check kind, cap and, with a dataset, targets; `sixd.evaluation` makes the rules
-            of its protocols.
+        protocol: check kind, cap and, with a dataset, targets; a protocol's rules come from
+            `EvalProtocol.check_rules`.
         strict: warnings fail too.
         limits: how much the file may ask of this machine.
 
@@ -151,7 +157,7 @@ def _report(
         file=found.file,
         kind=kind,
         n_rows=0 if seen is None else len(seen),
-        n_images=0 if seen is None else len(images_of(seen)[0]),
+        n_images=0 if seen is None else count_images(seen),
         problems=found.problems(),
         omitted=dict(found.omitted),
         strict=strict,

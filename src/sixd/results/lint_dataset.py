@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sixd.datasets.ids import some
 from sixd.errors import MissingDataError, Problem
 from sixd.results.findings import Findings
-from sixd.results.groups import group_rows, is_in
-from sixd.results.lint_images import column_names, image_name, images_of
-from sixd.results.places import place_of
+from sixd.results.lint_images import column_names, count_images, image_name
+from sixd.results.row_places import place_of
 from sixd.results.tables import Table
+from sixd.rows import find_rows, first_of_each
 
 if TYPE_CHECKING:
     from sixd.datasets.dataset import Dataset
@@ -31,51 +31,55 @@ def check_known_ids(
 
     Target images are known without their scene's files being read.
     """
-    scenes, objects = dataset.scene_ids, dataset.object_ids
-    no_scene = ~np.isin(table.scene_id, scenes)
-    no_object = ~np.isin(table.obj_id, objects)
-    no_image = ~no_scene & ~_has_image(table, dataset, targets, ~no_scene)
-    names = column_names(table)
-    unknown = (
-        ("unknown-scene", "scene_id", no_scene, lambda row: _some(scenes)),
-        (
-            "unknown-image",
-            "im_id",
-            no_image,
-            lambda row: f"an image of scene {table.scene_id[row]}",
-        ),
-        ("unknown-object", "obj_id", no_object, lambda row: _some(objects)),
-    )
-    for code, column, rows, expected in unknown:
-        much = rows.mean() > _WRONG_DATASET if len(rows) else False
+    has_scene = np.isin(table.scene_id, dataset.scene_ids)
+    has_object = np.isin(table.obj_id, dataset.object_ids)
+    has_image = _has_image(table, dataset, targets, has_scene)
+    _tell_unknown(table, dataset, "scene", has_scene, found)
+    _tell_unknown(table, dataset, "image", has_image, found)
+    _tell_unknown(table, dataset, "object", has_object, found)
 
-        def problem(
-            row: int,
-            code: str = code,
-            column: str = column,
-            expected: object = expected,
-            much: bool = bool(much),
-        ) -> Problem:
-            line, field = place_of(table, row, names[column])
-            return Problem(
-                code=code,
-                what=f"{dataset.name} {dataset.split} has no such {code.removeprefix('unknown-')}",
-                line=line,
-                field=field,
-                expected=expected(row),  # type: ignore[operator]
-                got=str(getattr(table, column)[row]),
-                fix="is this the results file of another dataset or split?"
-                if much
-                else f"write the {names[column]} of the dataset",
+
+def _tell_unknown(
+    table: Table,
+    dataset: Dataset,
+    noun: Literal["scene", "image", "object"],
+    known: Bools,
+    found: Findings,
+) -> None:
+    code, column = {
+        "scene": ("unknown-scene", "scene_id"),
+        "image": ("unknown-image", "im_id"),
+        "object": ("unknown-object", "obj_id"),
+    }[noun]
+    name, ids = column_names(table)[column], getattr(table, column)
+    is_foreign = len(known) and 1 - known.mean() > _WRONG_DATASET
+
+    def unknown(row: int) -> Problem:
+        line, field = place_of(table, row, name)
+        expected = f"an image of scene {table.scene_id[row]}"
+        if noun != "image":
+            expected = (
+                f"one of {some(dataset.scene_ids if noun == 'scene' else dataset.object_ids)}"
             )
+        return Problem(
+            code=code,
+            what=f"{dataset.name} {dataset.split} has no such {noun}",
+            line=line,
+            field=field,
+            expected=expected,
+            got=str(ids[row]),
+            fix="is this the results file of another dataset or split?"
+            if is_foreign
+            else f"write the {name} of the dataset",
+        )
 
-        found.each(np.flatnonzero(rows), problem)
+    found.each(np.flatnonzero(~known), unknown)
 
 
 def _has_image(table: Table, dataset: Dataset, targets: Targets | None, rows: Bools) -> Bools:
     has = ~rows
     if targets is not None:
-        has |= is_in((table.scene_id, table.im_id), (targets.scene_id, targets.im_id))
+        has |= find_rows((table.scene_id, table.im_id), (targets.scene_id, targets.im_id)) >= 0
     for scene_id in np.unique(table.scene_id[~has]).tolist():
         here = table.scene_id == scene_id
         try:
@@ -99,18 +103,17 @@ def check_targets(
     """
     rows = [table.scene_id, table.im_id]
     wanted = [targets.scene_id, targets.im_id]
-    in_image = is_in((rows[0], rows[1]), (wanted[0], wanted[1]))
+    in_image = find_rows((rows[0], rows[1]), (wanted[0], wanted[1])) >= 0
     with_object = every_object and targets.obj_id is not None
     if targets.obj_id is not None and with_object:
         rows.append(table.obj_id)
         wanted.append(targets.obj_id)
-        other = in_image & ~is_in(tuple(rows), tuple(wanted))
+        other = in_image & (find_rows(tuple(rows), tuple(wanted)) < 0)
         _tell_no_target(table, other, "non-target-object", "obj_id", "objects", targets, found)
     _tell_no_target(table, ~in_image, "non-target-image", "im_id", "images", targets, found)
-    first, _ = group_rows(*wanted)
-    first = np.sort(first)  # in the order of the list
+    first = first_of_each(tuple(wanted))
     columns = tuple(column[first] for column in wanted)
-    lacking = np.flatnonzero(~is_in(columns, tuple(rows)))
+    lacking = np.flatnonzero(find_rows(columns, tuple(rows)) < 0)
     if len(lacking) and complete:
         named = [_target_name([int(column[k]) for column in columns]) for k in lacking[:_NAMED]]
         more = f"; and {len(lacking) - _NAMED:,} more" if len(lacking) > _NAMED else ""
@@ -134,7 +137,7 @@ def _tell_no_target(
         return
     first = int(np.flatnonzero(rows)[0])
     line, field = place_of(table, first, column_names(table)[column])
-    n_images = len(images_of(table.where(rows))[0])
+    n_images = count_images(table.where(rows))
     found.add(
         Problem(
             code=code,
@@ -152,9 +155,3 @@ def _tell_no_target(
 
 def _target_name(ids: list[int]) -> str:
     return ", ".join(f"{n} {i}" for n, i in zip(("scene", "image", "object"), ids, strict=False))
-
-
-def _some(ids: Iterable[int]) -> str:
-    """Ids as a message lists them, the first dozen."""
-    known = sorted(ids)
-    return f"one of {', '.join(map(str, known[:12]))}" + (", ..." if len(known) > 12 else "")

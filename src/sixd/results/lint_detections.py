@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sixd.errors import MissingDataError, Problem
 from sixd.results.findings import Findings
-from sixd.results.groups import group_rows
-from sixd.results.places import place_of
-from sixd.results.rle import measure_runs
+from sixd.results.row_places import place_of
+from sixd.results.run_lengths import measure_runs
 from sixd.results.tables import Detections, Floats, Rle
+from sixd.rows import first_with_code, row_codes
 
 if TYPE_CHECKING:
     from sixd.datasets.dataset import Dataset
@@ -76,23 +77,51 @@ def _check_presence(
     found.each(np.flatnonzero(lacking), missing)
 
 
+@dataclass(frozen=True)
+class _BoxFault:
+    """One way in which a box can be wrong."""
+
+    code: str
+    what: str
+    expected: str
+    fix: str
+    severity: Literal["error", "warning"]
+
+
+_INVERTED = _BoxFault(
+    "inverted-box",
+    "the box has a negative width or height",
+    "[left, top, width, height], the last two above 0",
+    "are these corners? width = right - left, height = bottom - top",
+    "error",
+)
+_EMPTY = _BoxFault(
+    "empty-box",
+    "the box has no area",
+    "[left, top, width, height], the last two above 0",
+    "leave the detection out",
+    "warning",
+)
+_OUTSIDE = _BoxFault(
+    "box-outside",
+    "the box lies outside the image",
+    "[left, top, width, height] in pixels of the image",
+    "check the image size the detector saw, and the order of the numbers",
+    "error",
+)
+_BEYOND = _BoxFault(
+    "box-beyond",
+    f"the box reaches more than {OUTSIDE_TOLERANCE_PX:g} px out of the image",
+    "a box within the image: true boxes end at its border",
+    "clip the box to the image",
+    "warning",
+)
+
+
 def _check_boxes(table: Detections, size_px: Floats, found: Findings) -> None:
     boxes = table.bbox_xywh_px
     known = np.isfinite(boxes).all(axis=1)
-    largest = np.abs(boxes[known]).max(axis=1)
-    if known.any() and np.median(largest) <= _LARGEST_NORMALISED and largest.any():
-        line, field = place_of(table, int(np.flatnonzero(known)[0]), "bbox")
-        found.add(
-            Problem(
-                code="normalised-boxes",
-                what="boxes look like fractions of the image; they must be in pixels",
-                line=line,
-                field=field,
-                expected="[left, top, width, height] in pixels",
-                got=f"numbers up to {np.median(largest):.3g} in half of {known.sum():,} boxes",
-                fix="multiply by the width and the height of the image",
-            )
-        )
+    if _tell_normalised(table, known, found):
         return
     low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
     inverted = known & (boxes[:, 2:] < 0).any(axis=1)
@@ -101,55 +130,45 @@ def _check_boxes(table: Detections, size_px: Floats, found: Findings) -> None:
     outside &= np.isfinite(size_px).all(axis=1)
     reach = np.maximum(-low, high - size_px).max(axis=1)
     beyond = known & ~inverted & ~outside & (reach > OUTSIDE_TOLERANCE_PX)
+    faults = ((_INVERTED, inverted), (_EMPTY, empty), (_OUTSIDE, outside), (_BEYOND, beyond))
+    for fault, rows in faults:
+        found.each(np.flatnonzero(rows), partial(_box_problem, table, size_px, fault))
 
-    def problem(row: int, code: str, what: str, expected: str, fix: str) -> Problem:
-        line, field = place_of(table, row, "bbox")
-        size = "" if np.isnan(size_px[row, 0]) else " in {:.0f} x {:.0f} px".format(*size_px[row])
-        got = str(boxes[row].tolist()) + (size if code.startswith("box-") else "")
-        severity: Literal["error", "warning"] = (
-            "error" if code in ("inverted-box", "box-outside") else "warning"
+
+def _tell_normalised(table: Detections, known: NDArray[np.bool_], found: Findings) -> bool:
+    """Whether the boxes look like fractions of the image, which is told once."""
+    largest = np.sort(np.abs(table.bbox_xywh_px[known]).max(axis=1))
+    if not largest.any() or (middle := largest[len(largest) // 2]) > _LARGEST_NORMALISED:
+        return False
+    line, field = place_of(table, int(np.flatnonzero(known)[0]), "bbox")
+    found.add(
+        Problem(
+            code="normalised-boxes",
+            what="boxes look like fractions of the image; they must be in pixels",
+            line=line,
+            field=field,
+            expected="[left, top, width, height] in pixels",
+            got=f"numbers up to {middle:.3g} in half of {len(largest):,} boxes",
+            fix="multiply by the width and the height of the image",
         )
-        return Problem(code, what, "", line, field, expected, got, fix, severity)
+    )
+    return True
 
-    found.each(
-        np.flatnonzero(inverted),
-        lambda row: problem(
-            row,
-            "inverted-box",
-            "the box has a negative width or height",
-            "[left, top, width, height], the last two above 0",
-            "are these corners? width = right - left, height = bottom - top",
-        ),
-    )
-    found.each(
-        np.flatnonzero(empty),
-        lambda row: problem(
-            row,
-            "empty-box",
-            "the box has no area",
-            "[left, top, width, height], the last two above 0",
-            "leave the detection out",
-        ),
-    )
-    found.each(
-        np.flatnonzero(outside),
-        lambda row: problem(
-            row,
-            "box-outside",
-            "the box lies outside the image",
-            "[left, top, width, height] in pixels of the image",
-            "check the image size the detector saw, and the order of the numbers",
-        ),
-    )
-    found.each(
-        np.flatnonzero(beyond),
-        lambda row: problem(
-            row,
-            "box-beyond",
-            f"the box reaches more than {OUTSIDE_TOLERANCE_PX:g} px out of the image",
-            "a box within the image: true boxes end at its border",
-            "clip the box to the image",
-        ),
+
+def _box_problem(table: Detections, size_px: Floats, fault: _BoxFault, row: int) -> Problem:
+    line, field = place_of(table, row, "bbox")
+    got = str(table.bbox_xywh_px[row].tolist())
+    if fault in (_OUTSIDE, _BEYOND) and not np.isnan(size_px[row, 0]):
+        got += " in {:.0f} x {:.0f} px".format(*size_px[row])
+    return Problem(
+        fault.code,
+        fault.what,
+        line=line,
+        field=field,
+        expected=fault.expected,
+        got=got,
+        fix=fault.fix,
+        severity=fault.severity,
     )
 
 
@@ -158,49 +177,10 @@ def _check_masks(table: Detections, size_px: Floats, found: Findings) -> None:
     if not len(rows):
         return
     masks = [mask for mask in table.segmentation if mask is not None]
-    runs = measure_runs(masks)
-    pixels = np.array([float(mask.size[0]) * mask.size[1] for mask in masks])
+    _check_runs(table, rows, masks, found)
     heights_widths = np.array([mask.size for mask in masks], np.float64)
     image = size_px[rows][:, ::-1]
-    undecodable = np.isnan(runs.total)
-    negative = runs.shortest < 0
-    short = ~undecodable & ~negative & (runs.total != pixels)
     other_size = np.isfinite(image).all(axis=1) & (heights_widths != image).any(axis=1)
-
-    def bad(k: int, what: str, expected: str, got: str, fix: str) -> Problem:
-        line, field = place_of(table, int(rows[k]), "segmentation")
-        return Problem("bad-rle", what, "", line, field, expected, got, fix)
-
-    found.each(
-        np.flatnonzero(undecodable),
-        lambda k: bad(
-            k,
-            "counts cannot be decoded",
-            "COCO's compressed string, or a list of integers",
-            _shown_counts(masks[k]),
-            "write what a COCO library's encode returns, decoded from bytes to text",
-        ),
-    )
-    found.each(
-        np.flatnonzero(negative),
-        lambda k: bad(
-            k,
-            "counts contain negative runs",
-            "runs of 0 or more pixels",
-            f"a run of {runs.shortest[k]:.0f}",
-            "write the mask again",
-        ),
-    )
-    found.each(
-        np.flatnonzero(short),
-        lambda k: bad(
-            k,
-            "counts do not fill the image",
-            f"height x width = {masks[k].size[0]} x {masks[k].size[1]} = {pixels[k]:.0f} pixels",
-            f"{runs.total[k]:.0f}",
-            "size is [height, width], and the runs go on to the last pixel",
-        ),
-    )
 
     def wrong_size(k: int) -> Problem:
         line, field = place_of(table, int(rows[k]), "segmentation.size")
@@ -220,6 +200,33 @@ def _check_masks(table: Detections, size_px: Floats, found: Findings) -> None:
     found.each(np.flatnonzero(other_size), wrong_size)
 
 
+def _check_runs(
+    table: Detections, rows: NDArray[np.intp], masks: list[Rle], found: Findings
+) -> None:
+    """Whether the counts of each mask add up to an image; ``rows`` are those of the masks."""
+    runs = measure_runs(masks)
+    pixels = np.array([float(mask.size[0]) * mask.size[1] for mask in masks])
+
+    def bad(k: int) -> Problem:
+        line, field = place_of(table, int(rows[k]), "segmentation")
+        height, width = masks[k].size
+        if np.isnan(runs.total[k]):
+            what, got = "counts cannot be decoded", _shown_counts(masks[k])
+            expected = "COCO's compressed string, or a list of integers"
+            fix = "write what a COCO library's encode returns, decoded from bytes to text"
+        elif runs.shortest[k] < 0:
+            what, got = "counts contain negative runs", f"a run of {runs.shortest[k]:.0f}"
+            expected, fix = "runs of 0 or more pixels", "write the mask again"
+        else:
+            what, got = "counts do not fill the image", f"{runs.total[k]:.0f}"
+            expected = f"height x width = {height} x {width} = {pixels[k]:.0f} pixels"
+            fix = "size is [height, width], and the runs go on to the last pixel"
+        return Problem("bad-rle", what, line=line, field=field, expected=expected, got=got, fix=fix)
+
+    # NaN, where the counts cannot be decoded, differs from everything.
+    found.each(np.flatnonzero((runs.shortest < 0) | (runs.total != pixels)), bad)
+
+
 def _shown_counts(mask: Rle) -> str:
     text = str(mask.counts)
     return repr(text if len(text) <= 40 else text[:40] + "...")
@@ -228,8 +235,8 @@ def _shown_counts(mask: Rle) -> str:
 def _check_duplicates(table: Detections, found: Findings) -> None:
     rows = np.flatnonzero(table.has_bbox)
     ids = (table.scene_id[rows], table.im_id[rows], table.obj_id[rows])
-    first, group = group_rows(*ids, *table.bbox_xywh_px[rows].T)
-    original: NDArray[np.intp] = rows[first[group]]
+    (group,) = row_codes((*ids, *table.bbox_xywh_px[rows].T))
+    original = rows[first_with_code(group)[group]]
     counts = [None if mask is None else mask.counts for mask in table.segmentation]
     copies = [
         k

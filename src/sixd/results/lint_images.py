@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sixd.errors import Problem
 from sixd.results.findings import Findings
-from sixd.results.groups import group_rows, rows_of_groups
-from sixd.results.places import place_of
+from sixd.results.row_places import other_place, place_of
 from sixd.results.tables import Detections, Table
+from sixd.rows import best_first, first_of_each, first_with_code, rank_in_group, row_codes
 
 TIME_TOLERANCE_S = 0.001
 """Times of one image may differ by this much (BOP rules 1)."""
@@ -28,9 +30,15 @@ def column_names(table: Table) -> dict[str, str]:
     return {"scene_id": "scene_id", "im_id": "im_id", "obj_id": "obj_id"}
 
 
-def images_of(table: Table) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First row of each image, and image of each row."""
-    return group_rows(table.scene_id, table.im_id)
+def images_of(table: Table) -> NDArray[np.int64]:
+    """``(N,)`` image of each row, numbered from 0 without gaps."""
+    (image,) = row_codes((table.scene_id, table.im_id))
+    return image
+
+
+def count_images(table: Table) -> int:
+    """How many images have rows."""
+    return int(images_of(table).max(initial=-1)) + 1
 
 
 def image_name(table: Table, row: int) -> str:
@@ -63,8 +71,8 @@ def wrong_times(table: Table) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     Missing times are no times.
     """
     timed = np.flatnonzero(~np.isnan(table.time_s))
-    first, image = group_rows(table.scene_id[timed], table.im_id[timed])
-    leader = timed[first[image]]
+    (image,) = row_codes((table.scene_id[timed], table.im_id[timed]))
+    leader = timed[first_with_code(image)[image]]
     gaps = np.abs(table.time_s[timed] - table.time_s[leader])
     wrong = gaps > TIME_TOLERANCE_S
     return timed[wrong], leader[wrong]
@@ -73,23 +81,26 @@ def wrong_times(table: Table) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def _check_times(table: Table, found: Findings) -> None:
     rows, leaders = wrong_times(table)
     leader_of = dict(zip(rows.tolist(), leaders.tolist(), strict=True))
+    missing = np.flatnonzero(np.isnan(table.time_s))
+    # One missing time makes the average unknown, and then no times are compared (BOP rules 1).
+    severity: Literal["error", "warning"] = "warning" if len(missing) else "error"
 
     def inconsistent(row: int) -> Problem:
         line, field = place_of(table, row, "time")
         leader = leader_of[row]
-        other = f"row {leader}" if table.line is None else f"line {table.line[leader]}"
         return Problem(
             code="inconsistent-time",
             what="the time is that of the whole image, so all its rows must agree",
             line=line,
             field=field,
-            expected=f"{table.time_s[leader]!s} as in {other}, within {TIME_TOLERANCE_S:g} s",
+            expected=f"{table.time_s[leader]!s} as in {other_place(table, leader)}, "
+            f"within {TIME_TOLERANCE_S:g} s",
             got=f"{table.time_s[row]!s} ({image_name(table, row)})",
             fix="write the image's time in each of its rows, or: sixd check --fix OUT",
+            severity=severity,
         )
 
     found.each(rows, inconsistent)
-    missing = np.flatnonzero(np.isnan(table.time_s))
     if len(missing):
         line, field = place_of(table, int(missing[0]), "time")
         found.add(
@@ -108,13 +119,16 @@ def _check_times(table: Table, found: Findings) -> None:
 
 def check_cap(table: Table, cap: int, found: Findings) -> None:
     """More estimates of an image than are scored."""
-    _, image = images_of(table)
-    counts = np.bincount(image)
-    for rows in rows_of_groups(image, np.flatnonzero(counts > cap)):
-        ranked = rows[np.argsort(-table.score[rows], kind="stable")]
-        last, dropped = int(ranked[cap - 1]), ranked[cap:]
-        line, field = place_of(table, int(dropped.min()), "score")
-        ties = table.score[last] == table.score[dropped[0]]
+    image = images_of(table)
+    rank = rank_in_group(image, best_first(table.score))
+    dropped = np.flatnonzero(rank >= cap)
+    n_rows = np.bincount(image)
+    last_score, next_score = np.full((2, len(n_rows)), np.nan)
+    for score, place in ((last_score, cap - 1), (next_score, cap)):
+        score[image[rank == place]] = table.score[rank == place]
+    for first in dropped[first_of_each((image[dropped],))].tolist():
+        n, is_tie = n_rows[image[first]], (last_score == next_score)[image[first]]
+        line, field = place_of(table, first, "score")
         found.add(
             Problem(
                 code="over-cap",
@@ -122,8 +136,8 @@ def check_cap(table: Table, cap: int, found: Findings) -> None:
                 line=line,
                 field=field,
                 expected=f"at most {cap} estimates in an image",
-                got=f"{len(rows)} in {image_name(table, last)}: {len(dropped)} not scored"
-                + (", by their order in the file where scores are equal" if ties else ""),
+                got=f"{n} in {image_name(table, first)}: {n - cap} not scored"
+                + (", by their order in the file where scores are equal" if is_tie else ""),
                 fix="write the best estimates only",
                 severity="warning",
             )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sixd.errors import Problem
 from sixd.results.findings import Findings
-from sixd.results.groups import group_rows
-from sixd.results.places import place_of
+from sixd.results.row_places import other_place, place_of
 from sixd.results.tables import Floats, PoseEstimates
+from sixd.rows import first_with_code, row_codes
 
 EXACT_ROTATION_ERROR = 1e-3
 """max|R R^T - I| up to which nothing is said. Numbers of float32 or with 4 digits stay below."""
@@ -100,19 +101,7 @@ def _check_translations(table: PoseEstimates, found: Findings) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         distance_mm = np.linalg.norm(table.t_mm, axis=1)
     known = np.isfinite(table.t_mm).all(axis=1)
-    if known.any() and 0 < (median := float(np.median(distance_mm[known]))) < NEAREST_MM:
-        line, field = place_of(table, int(np.flatnonzero(known)[0]), "t")
-        found.add(
-            Problem(
-                code="metres",
-                what="t looks like metres; it must be in millimetres",
-                line=line,
-                field=field,
-                expected=f"objects farther than {NEAREST_MM:g} mm from the camera",
-                got=f"median distance {median:.4g} in {known.sum():,} rows",
-                fix="multiply t by 1000 where the file is written",
-            )
-        )
+    if _tell_metres(table, distance_mm, known, found):
         return
 
     def near(row: int) -> Problem:
@@ -146,27 +135,48 @@ def _check_translations(table: PoseEstimates, found: Findings) -> None:
     found.each(np.flatnonzero(known & ~is_near & (table.t_mm[:, 2] <= 0)), behind)
 
 
+def _tell_metres(
+    table: PoseEstimates, distance_mm: Floats, known: NDArray[np.bool_], found: Findings
+) -> bool:
+    """Whether the middle distance looks like metres, which is told once."""
+    distances = np.sort(distance_mm[known])
+    if not len(distances) or not 0 < (middle := distances[len(distances) // 2]) < NEAREST_MM:
+        return False
+    line, field = place_of(table, int(np.flatnonzero(known)[0]), "t")
+    found.add(
+        Problem(
+            code="metres",
+            what="t looks like metres; it must be in millimetres",
+            line=line,
+            field=field,
+            expected=f"objects farther than {NEAREST_MM:g} mm from the camera",
+            got=f"median distance {middle:.4g} in {len(distances):,} rows",
+            fix="multiply t by 1000 where the file is written",
+        )
+    )
+    return True
+
+
 def _check_duplicates(table: PoseEstimates, found: Findings) -> None:
     ids = (table.scene_id, table.im_id, table.obj_id)
-    _, group = group_rows(*ids, table.t_mm[:, 0])
+    (group,) = row_codes((*ids, table.t_mm[:, 0]))
     suspects = np.flatnonzero(np.bincount(group, minlength=1)[group] > 1)
     numbers = np.column_stack([table.t_mm, table.R.reshape(-1, 9)])[suspects]
-    first, group = group_rows(*(column[suspects] for column in ids), *numbers.T)
-    original = suspects[first[group]]
+    (group,) = row_codes((*(column[suspects] for column in ids), *numbers.T))
+    original = suspects[first_with_code(group)[group]]
     copies = np.flatnonzero(original != suspects)
     found.each(copies, lambda k: _duplicate(table, int(suspects[k]), int(original[k])))
 
 
 def _duplicate(table: PoseEstimates, row: int, original: int) -> Problem:
     line, field = place_of(table, row, "R, t")
-    other = f"row {original}" if table.line is None else f"line {table.line[original]}"
     return Problem(
         code="duplicate",
         what="the same pose of the same object in the same image, again",
         line=line,
         field=field,
         expected="each pose once; a second one is a false positive",
-        got=f"the pose of {other}",
+        got=f"the pose of {other_place(table, original)}",
         fix="keep the one with the higher score",
         severity="warning",
     )

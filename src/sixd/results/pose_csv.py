@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixd.errors import FormatError, Problem, UsageError
-from sixd.results.atomic import write_results_text
 from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.lines import LineBlock, line_blocks
 from sixd.results.pose_csv_rows import HEADER, MAX_NUMBER_CHARS, Rows, read_rows_slowly
-from sixd.results.source import ResultsText, open_results_text
+from sixd.results.results_text import ResultsText, open_results_text
+from sixd.results.row_places import row_name
 from sixd.results.tables import PoseEstimates, times_of_file
+from sixd.results.text_writing import write_results_text
 
 _ROW_SEPARATORS = np.frombuffer(b",,,,        ,  ,\n", np.uint8)
 _IS_ID_CHAR = np.isin(np.arange(256), np.frombuffer(b"-0123456789,", np.uint8))
@@ -64,7 +65,7 @@ def write_pose_csv(path: str | Path, estimates: PoseEstimates) -> None:
 
     Raises:
         UsageError: a number is not finite; nothing is written.
-        MissingDataError: the folder does not exist or may not be written.
+        OutputError: the file cannot be written.
     """
     refuse_rows(path, "score", ~np.isfinite(estimates.score))
     refuse_rows(path, "R", ~np.isfinite(estimates.R).all(axis=(1, 2)))
@@ -79,7 +80,7 @@ def refuse_rows(path: str | Path, name: str, wrong: NDArray[np.bool_] | np.bool_
     rows = np.flatnonzero(wrong)
     if len(rows):
         raise UsageError(
-            f"{path}: {name} is not finite in {len(rows)} rows, first in row {rows[0]}"
+            f"{path}: {name} is not finite in {len(rows)} rows, first in {row_name(int(rows[0]))}"
         )
 
 

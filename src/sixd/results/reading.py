@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from sixd.errors import FormatError
 from sixd.results.coco_json import parse_coco_json
 from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.pose_csv import parse_pose_csv
-from sixd.results.source import ResultsText, open_results_text
+from sixd.results.results_text import ResultsText, open_results_text
 from sixd.results.tables import Table
 
 
@@ -44,3 +45,17 @@ def parse_results(text: ResultsText, found: Findings, limits: Limits) -> Table:
     if text.kind == "pose-csv":
         return parse_pose_csv(text, found, limits)
     return parse_coco_json(text, found, limits)
+
+
+def kind_of_results(path: str | Path) -> Literal["pose", "bbox", "segm"]:
+    """What a file holds, from its beginning: poses, boxes, or masks without boxes.
+
+    Raises:
+        FormatError: it is neither a pose CSV nor COCO JSON.
+        MissingDataError: there is no such file.
+    """
+    text = open_results_text(path, Limits())
+    if text.kind == "pose-csv":
+        return "pose"
+    beginning = next(iter(text.blocks), b"")
+    return "segm" if b'"segmentation"' in beginning and b'"bbox"' not in beginning else "bbox"

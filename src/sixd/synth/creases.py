@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sixd.geometry.mesh import Mesh
+from sixd.geometry.mesh import Mesh, face_normals_by_area
 
 
 def creased(mesh: Mesh, angle_deg: float = 40.0) -> Mesh:
@@ -16,8 +16,7 @@ def creased(mesh: Mesh, angle_deg: float = 40.0) -> Mesh:
         mesh: with shared vertices.
         angle_deg: triangles at one vertex share a normal if they are turned by less than this.
     """
-    corners = mesh.vertices_mm[mesh.faces]
-    by_area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    by_area = face_normals_by_area(mesh)
     unit = by_area / np.linalg.norm(by_area, axis=1, keepdims=True)
     vertex = mesh.faces.reshape(-1)
     order = np.argsort(vertex, kind="stable")

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from sixd.datasets import Dataset, open_dataset
+from sixd.errors import MissingDataError
+from sixd.evaluation.truth_results import detections_from_truth, poses_from_truth
 from sixd.results.coco_json import write_coco_json
 from sixd.results.pose_csv import write_pose_csv
 from sixd.results.tables import Detections, PoseEstimates
 from sixd.synth.perturb import STRENGTHS, Perturbation, Strength
 from sixd.synth.perturb_2d import box_detections, mask_detections
 from sixd.synth.perturb_poses import detection_estimates, localization_estimates
-from sixd.synth.truth_results import detections_from_truth, poses_from_truth
 
 TASKS = {
     "localization": ".csv",
@@ -62,6 +63,8 @@ def perturbed_results(
     Raises:
         MissingDataError: truth or target list of the dataset are missing.
     """
+    if dataset.image_size_px is None:
+        raise MissingDataError(f"{dataset.path} does not say the size of its images: camera.json?")
     targets = dataset.targets(f"{dataset.split}_targets_bop19.json")
     how = Perturbation.of(dataset, targets, strength, rng)
     wanted = poses_from_truth(dataset, targets)
@@ -71,6 +74,6 @@ def perturbed_results(
     return {
         "localization": localization_estimates(wanted, how),
         "detection": detection_estimates(visible, how),
-        "detection2d": box_detections(boxes, dataset.image_size_px or (640, 480), how),
+        "detection2d": box_detections(boxes, dataset.image_size_px, how),
         "segmentation2d": mask_detections(masks, how),
     }

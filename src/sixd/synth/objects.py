@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sixd.geometry.mesh import Mesh, mesh_diameter_mm
+from sixd.geometry.mesh import Mesh, bounding_box_mm, mesh_diameter_mm
 from sixd.geometry.pose import Floats, Pose
 from sixd.geometry.symmetry import Symmetries, SymmetryAxis
 from sixd.synth import shapes
@@ -28,10 +28,10 @@ class BuiltinObject:
 
     def models_info(self) -> dict[str, object]:
         """Its entry of ``models_info.json``."""
-        low, high = self.mesh.vertices_mm.min(axis=0), self.mesh.vertices_mm.max(axis=0)
-        box = {f"min_{axis}": float(low[k]) for k, axis in enumerate("xyz")}
-        size = {f"size_{axis}": float(high[k] - low[k]) for k, axis in enumerate("xyz")}
-        return {"diameter": self.diameter_mm, **box, **size, **self.symmetries.to_models_info()}
+        low_mm, size_mm = bounding_box_mm(self.mesh.vertices_mm)
+        low = {f"min_{axis}": float(low_mm[k]) for k, axis in enumerate("xyz")}
+        size = {f"size_{axis}": float(size_mm[k]) for k, axis in enumerate("xyz")}
+        return {"diameter": self.diameter_mm, **low, **size, **self.symmetries.to_models_info()}
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,11 @@ def turn_matrix(axis: str, angle_deg: float) -> Floats:
 
 def _make(obj_id: int, recipe: _Recipe) -> BuiltinObject:
     surface, colours = recipe.shape()
-    low, high = surface.vertices_mm.min(axis=0), surface.vertices_mm.max(axis=0)
+    low_mm, size_mm = bounding_box_mm(surface.vertices_mm)
     # PLY keeps float32: rounding here makes the mesh in memory the mesh on disk.
-    vertices_mm = (surface.vertices_mm - (low + high) / 2).astype(np.float32).astype(np.float64)
+    vertices_mm = (
+        (surface.vertices_mm - (low_mm + size_mm / 2)).astype(np.float32).astype(np.float64)
+    )
     mesh = Mesh(vertices_mm, surface.faces, colors=colours)
     rests = [np.eye(3), *(turn_matrix(axis, angle) for axis, angle in recipe.rests_deg)]
     return BuiltinObject(

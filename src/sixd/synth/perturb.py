@@ -54,8 +54,8 @@ class Perturbation:
     dataset: Dataset
     strength: Strength
     rng: np.random.Generator
-    seconds: dict[Image, float]
-    """Time for each image (scene id, image id) that results are made for."""
+    time_s_of_image: dict[Image, float]
+    """For each image (scene id, image id) that results are made for."""
 
     @classmethod
     def of(
@@ -63,13 +63,13 @@ class Perturbation:
     ) -> Perturbation:
         """Draw the times of the target images."""
         images: list[Image] = [(s, i) for s, i in targets.images.tolist()]
-        seconds = np.round(strength.time_s * rng.uniform(0.8, 1.2, len(images)), 3).tolist()
-        return cls(dataset, strength, rng, dict(zip(images, seconds, strict=True)))
+        times_s = np.round(strength.time_s * rng.uniform(0.8, 1.2, len(images)), 3).tolist()
+        return cls(dataset, strength, rng, dict(zip(images, times_s, strict=True)))
 
     def times_s(self, scene_id: Ints, im_id: Ints) -> Floats:
         """The time of each row's image: the same in all its rows (BOP rules 1)."""
         keys = zip(scene_id.tolist(), im_id.tolist(), strict=True)
-        return np.array([self.seconds[key] for key in keys], np.float64)
+        return np.array([self.time_s_of_image[key] for key in keys], np.float64)
 
     def found(self, n: int) -> Ints:
         """Indices of the instances that are not missed."""

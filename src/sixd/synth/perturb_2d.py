@@ -35,7 +35,9 @@ def box_detections(true: Detections, size_px: tuple[int, int], how: Perturbation
     score = how.scores(np.abs(moved_px).mean(axis=1) * 640 / width / 3)
     score[len(found) :] = np.round(score[len(found) :] * 0.7, 4)
     ids = _ids(true, rows)
-    false: Ids = [(*image, o) for image in how.seconds for o in how.false_objects(true, image)]
+    false: Ids = [
+        (*image, o) for image in how.time_s_of_image for o in how.false_objects(true, image)
+    ]
     low_px = how.rng.uniform(0.0, 0.8, (len(false), 2)) * size_px
     sides_px = how.rng.uniform(0.06, 0.2, (len(false), 2)) * width
     corners_px = np.concatenate(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sixd.geometry.pose import Floats, Pose
+from sixd.geometry.pose import Pose, rotations_about
 from sixd.results.tables import PoseEstimates
 from sixd.synth.perturb import Perturbation
 
@@ -26,16 +26,6 @@ def detection_estimates(true: PoseEstimates, how: Perturbation) -> PoseEstimates
     return _in_image_order(PoseEstimates.concatenate(parts), how)
 
 
-def rotations(axes: Floats, angles: Floats) -> Floats:
-    """Rotations ``(N, 3, 3)`` about axes ``(N, 3)`` of any length by angles ``(N,)``, radians."""
-    x, y, z = (axes / np.linalg.norm(axes, axis=1, keepdims=True)).T
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
-    sin, cos = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
-    turned: Floats = np.eye(3) + sin * cross + (1 - cos) * (cross @ cross)
-    return turned
-
-
 def _perturbed(true: PoseEstimates, how: Perturbation) -> PoseEstimates:
     """Each pose replaced by one of its symmetric copies, turned and moved a little."""
     n, rng, strength = len(true), how.rng, how.strength
@@ -50,7 +40,7 @@ def _perturbed(true: PoseEstimates, how: Perturbation) -> PoseEstimates:
         scene_id=true.scene_id,
         im_id=true.im_id,
         obj_id=true.obj_id,
-        R=rotations(rng.normal(size=(n, 3)), np.deg2rad(angles_deg)) @ copies.R,
+        R=rotations_about(rng.normal(size=(n, 3)), np.deg2rad(angles_deg)) @ copies.R,
         t_mm=np.round(copies.t_mm + lateral_mm + along_mm[:, None] * ray, 4),
         score=how.scores(size),
     )
@@ -71,7 +61,7 @@ def _symmetric_copies(true: PoseEstimates, how: Perturbation) -> Pose:
 def _false_poses(true: PoseEstimates, how: Perturbation) -> PoseEstimates:
     """Estimates of things that are not there, near things that are."""
     ids, places_mm = [], []
-    for image in how.seconds:
+    for image in how.time_s_of_image:
         near_mm = true.t_mm[(true.scene_id == image[0]) & (true.im_id == image[1])]
         if not len(near_mm):
             continue
@@ -85,7 +75,7 @@ def _false_poses(true: PoseEstimates, how: Perturbation) -> PoseEstimates:
         scene_id=scene_id,
         im_id=im_id,
         obj_id=obj_id,
-        R=rotations(how.rng.normal(size=(n, 3)), how.rng.uniform(0.0, np.pi, n)),
+        R=rotations_about(how.rng.normal(size=(n, 3)), how.rng.uniform(0.0, np.pi, n)),
         t_mm=np.round(shifted_mm, 4),
         score=how.false_scores(n),
     )

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sixd.errors import UsageError
-from sixd.geometry.pose import Floats, Pose
+from sixd.geometry.pose import Floats, Pose, camera_pose
 from sixd.synth.objects import BuiltinObject, turn_matrix
 
 CLUSTER_RADIUS_MM = 150.0
 """Objects are put this near to the middle of the table: near enough to hide one another."""
 
-NEAREST_MM = 100.0
+CAMERA_CLEARANCE_MM = 100.0
 """No point of an object may be nearer to the camera's plane than this."""
 
 _GAP_MM = 2.0
@@ -147,8 +147,7 @@ def look_at(
         ]
     )
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    R = np.stack([right, np.cross(-away, right), -away])
-    return Pose(R, -R @ (target_mm + distance_mm * away))
+    return camera_pose(target_mm + distance_mm * away, -away, right)
 
 
 def kinect_like_camera(size_px: tuple[int, int]) -> Floats:
@@ -168,10 +167,10 @@ def check_in_front(objects: Mapping[int, BuiltinObject], scene: Scene) -> None:
         for placement in scene.placements:
             pose_c_m = view.pose_c_w @ placement.pose_w_m
             z_mm = pose_c_m.apply(objects[placement.obj_id].mesh.vertices_mm)[:, 2].min()
-            if z_mm < NEAREST_MM:
+            if z_mm < CAMERA_CLEARANCE_MM:
                 raise UsageError(
                     f"object {placement.obj_id} reaches to z = {z_mm:.0f} mm before the camera of "
-                    f"view {k}, must be at least {NEAREST_MM:.0f}: move the camera away"
+                    f"view {k}, must be at least {CAMERA_CLEARANCE_MM:.0f}: move the camera away"
                 )
 
 

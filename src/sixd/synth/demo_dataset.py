@@ -31,6 +31,7 @@ from sixd.datasets.writing import (
     write_mask,
 )
 from sixd.errors import UsageError
+from sixd.evaluation.measure import Progress, no_progress
 from sixd.files import write_atomically
 from sixd.geometry.mesh import Mesh, write_ply
 from sixd.synth.capture import Capture, capture
@@ -43,9 +44,6 @@ from sixd.synth.table import table_mesh
 DEMO_NAME = "sixdemo"
 """Name of the dataset, whatever its folder is called: without ``_`` and ``-``, which result file
 names are split at."""
-
-Progress = Callable[[str, int, int], None]
-"""Told (what, done, total)."""
 
 VSD_DELTA_MM = 15.0
 INSTANCES_PER_SCENE = 9
@@ -76,7 +74,7 @@ def make_demo_dataset(
     size_px: tuple[int, int] = (480, 360),
     *,
     workers: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> Path:
     """Make a dataset with models, images, truth, COCO annotations and target lists.
 
@@ -106,8 +104,7 @@ def make_demo_dataset(
     made = count(1)
 
     def image_done() -> None:
-        if progress is not None:
-            progress("demo images", next(made), scenes * images_per_scene)
+        progress("demo images", next(made), scenes * images_per_scene)
 
     with new_folder(path) as folder, ThreadPoolExecutor(workers) as pool:
         _write_models(folder, objects, size_px)

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
 from sixd.results import Rle
-from sixd.results.rle import measure_runs
+from sixd.results.run_lengths import measure_runs
 
 masks = arrays(
     np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=40), elements=st.integers(0, 1)

@@ -10,7 +10,7 @@ from sixd.evaluation.evaluate import evaluate_all
 from sixd.evaluation.evaluation import Evaluation
 from sixd.evaluation.measure import Progress, no_progress
 from sixd.results.lint import check_file
-from sixd.synth.demo import make_demo_dataset
+from sixd.synth.demo_dataset import make_demo_dataset
 from sixd.synth.demo_results import write_demo_results
 
 PROTOCOL_OF_TASK = {

@@ -12,7 +12,7 @@ def write_results_text(path: str | Path, text: bytes) -> None:
     """Write atomically; a name that ends in ``.gz`` is compressed.
 
     Raises:
-        MissingDataError: the folder may not be written.
+        OutputError: the file cannot be written.
     """
     # No time in the header: equal results, equal bytes.
     is_gzip = Path(path).suffix == ".gz"
