@@ -20,6 +20,7 @@ import numpy as np
 from machine import machine, print_table, write_json
 
 from sixd.geometry import Pose, Symmetries, SymmetryAxis
+from sixd.geometry.pose import rotations_about
 from sixd.metrics import fast
 
 Row = dict[str, Any]
@@ -49,14 +50,6 @@ print(json.dumps(times))
 """
 
 
-def rotation(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    x, y, z = (axis / np.linalg.norm(axis, axis=1, keepdims=True)).T
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(-1, 3, 3)
-    sin, cos = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
-    return np.eye(3) + sin * cross + (1 - cos) * (cross @ cross)
-
-
 def body_of_revolution(rng: np.random.Generator, n_vertices: int) -> np.ndarray:
     """Vertices of a bumpy bottle, 10 cm high, with a symmetry about z."""
     height = rng.uniform(-50, 50, n_vertices)
@@ -68,12 +61,12 @@ def body_of_revolution(rng: np.random.Generator, n_vertices: int) -> np.ndarray:
 def pairs(rng: np.random.Generator, n: int) -> tuple[Pose, Pose]:
     """Half of the estimates a few degrees off, a quarter turned at random, a quarter elsewhere."""
     gt = Pose(
-        rotation(rng.normal(size=(n, 3)), rng.uniform(0, np.pi, n)),
+        rotations_about(rng.normal(size=(n, 3)), rng.uniform(0, np.pi, n)),
         rng.uniform(-150, 150, (n, 3)) + IN_VIEW,
     )
     kind = rng.choice(3, n, p=[0.5, 0.25, 0.25])
     angle = np.where(kind == 0, np.radians(rng.exponential(8, n)), rng.uniform(0, np.pi, n))
-    turn = rotation(rng.normal(size=(n, 3)), angle)
+    turn = rotations_about(rng.normal(size=(n, 3)), angle)
     shift = rng.normal(size=(n, 3)) * np.array([6.0, 6.0, 80.0])[kind, None]
     return Pose(turn @ gt.R, gt.t_mm + shift), gt
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from sixd.results.reading import read_results as read_results
     from sixd.results.tables import Detections as Detections
     from sixd.results.tables import PoseEstimates as PoseEstimates
+    from sixd.results.writing import write_results as write_results
 
 _HOME = {
     "Camera": "geometry.camera",
@@ -55,6 +56,7 @@ _HOME = {
     "open_dataset": "datasets.opening",
     "read_mesh": "geometry.mesh",
     "read_results": "results.reading",
+    "write_results": "results.writing",
     "results_from_truth": "evaluation.truth_results",
 }
 

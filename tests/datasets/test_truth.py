@@ -154,11 +154,7 @@ def test_frames_never_reach_the_truth():
 
 
 def test_importing_datasets_imports_nothing_heavy():
-    code = (
-        "import sys, time, numpy, msgspec; t = time.process_time(); import sixd.datasets;"
-        "print(time.process_time() - t, *sys.modules)"
-    )
+    code = "import sys, sixd.datasets; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    seconds, *modules = done.stdout.split()
-    assert not {"cv2", "numba", "scipy", "trimesh", "hotcoco", "polars"} & set(modules)
-    assert float(seconds) < 0.5  # about 0.1 on a slow machine; a guard, not a benchmark
+    heavy = {"cv2", "numba", "scipy", "trimesh", "hotcoco", "polars"}
+    assert not heavy & set(done.stdout.split())

@@ -334,7 +334,7 @@ def test_every_score_and_box_that_is_not_finite_is_named():
     detections.bbox_xywh_px[2, 1] = np.inf
     with pytest.raises(FormatError) as caught:
         coco_scores(detections, truth)
-    assert [p.what[:11] for p in caught.value.problems] == ["detection 2", "detection 3"]
+    assert [p.what[:5] for p in caught.value.problems] == ["row 1", "row 2"]
 
 
 def test_every_broken_mask_is_named():
@@ -342,9 +342,9 @@ def test_every_broken_mask_is_named():
     broken = Rle((CANVAS_PX, CANVAS_PX), [CANVAS_PX**2, CANVAS_PX])
     detections = detect(truth, np.arange(3))
     masks = (broken, rectangle_mask(truth.bbox_xywh_px[1]), broken)
-    with pytest.raises(FormatError, match=r"detection 1: .*exceed") as caught:
+    with pytest.raises(FormatError, match=r"row 0, counted from 0: .*exceed") as caught:
         coco_scores(replace(detections, segmentation=masks), truth, "segm")
-    assert [p.what[:11] for p in caught.value.problems] == ["detection 1", "detection 3"]
+    assert [p.what[:5] for p in caught.value.problems] == ["row 0", "row 2"]
 
 
 def test_results_without_the_shape_to_be_scored_say_what_to_do():

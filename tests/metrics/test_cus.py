@@ -17,7 +17,7 @@ def fast(scene: SmallScene, **options) -> np.ndarray:
     return cus_pairs(*inputs, scene.pair_diameters_mm, **options)
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(seed=seeds)
 def test_the_fast_error_is_the_defined_error(seed):
     scene = small_scene(np.random.default_rng(seed))

@@ -56,6 +56,7 @@ NAMES = ["mssd", "mspd", "add", "adi", "projection"]
 
 
 @pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=25)
 @given(est=poses(3), gt=poses(3), p=points(), syms=symmetry_groups(), camera=pinhole_cameras())
 def test_few_vertices_of_any_kind(name, est, gt, p, syms, camera):
     expected, found = both(name, est, gt, p, syms, camera)
@@ -71,7 +72,7 @@ def test_discretised_symmetry_sets(est, gt, p, group, camera):
         np.testing.assert_allclose(found, expected, **CLOSE)
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(seed=seeds, n_vertices=st.integers(90, 1500), degrees=st.floats(0, 180))
 def test_meshes_of_several_levels_of_cells(seed, n_vertices, degrees):
     """Surfaces, where the bounds of cells prune most; errors from tiny to large."""

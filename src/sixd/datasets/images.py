@@ -9,9 +9,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from sixd.datasets.spec import Size
 from sixd.errors import FormatError, MissingDataError, Problem
-
-Size = tuple[int, int]
 
 
 def image_size_px(path: Path) -> Size:

@@ -131,7 +131,7 @@ def mask_areas_px(masks: Sequence[Segmentation], row_numbers: Ints) -> Floats:
         return np.asarray(areas, np.float64)
     except (ValueError, TypeError, OverflowError):
         problems = [
-            Problem("bad-rle", f"detection {row + 1}: {reason}", field="segmentation")
+            Problem("bad-rle", f"row {row}, counted from 0: {reason}", field="segmentation")
             for row, one in zip(row_numbers.tolist(), masks, strict=True)
             if (reason := _reason_not_a_mask(one))
         ]

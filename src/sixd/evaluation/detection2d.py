@@ -126,8 +126,10 @@ def _check_rows(detections: Detections, iou_type: IouType) -> Bools:
     unusable = ~np.isfinite(detections.score) | np.isinf(detections.bbox_xywh_px).any(axis=1)
     if unusable.any():
         what = "has a score or box that is not a finite number"
-        rows = (np.flatnonzero(unusable) + 1).tolist()
-        raise FormatError([Problem("not-finite", f"detection {row} {what}") for row in rows])
+        rows = np.flatnonzero(unusable).tolist()
+        raise FormatError(
+            [Problem("not-finite", f"row {row}, counted from 0, {what}") for row in rows]
+        )
     if iou_type == "bbox":
         shaped, shape, other = detections.has_bbox, "bbox", "bop22-segmentation2d"
     else:

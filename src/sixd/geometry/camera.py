@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NoReturn, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -208,32 +208,26 @@ def camera_from_bop(entry: Mapping[str, Any], *, file: str = "") -> Camera:
     if ("cam_K" in entry) == ("cam_model" in entry):
         got = "both" if "cam_K" in entry else "keys " + ", ".join(sorted(map(str, entry))) or "none"
         _fail(file, "", "no unambiguous camera", "either cam_K or cam_model", got)
-    if "cam_K" in entry:
-        K = _numbers(entry["cam_K"], (9,), file, "cam_K").reshape(3, 3)
-        if K[0, 0] == 0 or K[1, 1] == 0 or K[2].tolist() != [0, 0, 1]:
-            _fail(
-                file,
-                "cam_K",
-                "not an intrinsic matrix",
-                "fx, fy not 0, last row 0 0 1",
-                str(K.tolist()),
-            )
-        return PinholeCamera(K)
-    model = entry["cam_model"]
+    return _pinhole(entry["cam_K"], file) if "cam_K" in entry else _any(entry["cam_model"], file)
+
+
+def _pinhole(cam_K: Any, file: str) -> PinholeCamera:
+    K = _numbers(cam_K, (9,), file, "cam_K").reshape(3, 3)
+    if K[0, 0] == 0 or K[1, 1] == 0 or K[2].tolist() != [0, 0, 1]:
+        expected = "fx, fy not 0, last row 0 0 1"
+        _fail(file, "cam_K", "not an intrinsic matrix", expected, str(K.tolist()))
+    return PinholeCamera(K)
+
+
+def _any(model: Any, file: str) -> Camera:
+    """The camera of a ``cam_model``."""
     if not isinstance(model, Mapping):
-        _fail(
-            file, "cam_model", "not an object", "an object with projection_model_type", repr(model)
-        )
-    name = model.get("projection_model_type")
+        expected = "an object with projection_model_type"
+        _fail(file, "cam_model", "not an object", expected, repr(model))
+    name, field = model.get("projection_model_type"), "cam_model.projection_model_type"
     if not isinstance(name, str) or name not in _CAM_MODELS:
         known = ", ".join(sorted(_CAM_MODELS))
-        _fail(
-            file,
-            "cam_model.projection_model_type",
-            "unknown camera model",
-            f"one of {known}",
-            repr(name),
-        )
+        _fail(file, field, "unknown camera model", f"one of {known}", repr(name))
     build, counts = _CAM_MODELS[name]
     field = "cam_model.projection_params"
     params = _numbers(model.get("projection_params"), counts, file, field)
@@ -254,7 +248,7 @@ def _numbers(values: Any, counts: tuple[int, ...], file: str, field: str) -> Flo
     return array
 
 
-def _fail(file: str, field: str, what: str, expected: str, got: str) -> None:
+def _fail(file: str, field: str, what: str, expected: str, got: str) -> NoReturn:
     fix = "see the BOP format of scene_camera.json"
     raise FormatError(
         [Problem("bad-camera", what, file=file, field=field, expected=expected, got=got, fix=fix)]

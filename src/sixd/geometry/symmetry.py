@@ -33,7 +33,8 @@ class SymmetryAxis:
 
     def rotations(self, count: int) -> Pose:
         """``count`` turns by ``i * 2 pi / count``, the first by zero; batch shape ``(count,)``."""
-        R = rotations_about(self.axis, np.arange(count) * (2.0 * np.pi / count))
+        angles_rad = np.arange(count, dtype=np.float64) * (2.0 * np.pi / count)
+        R = rotations_about(self.axis, angles_rad)
         return Pose(R, self.offset_mm - R @ self.offset_mm)
 
 

@@ -208,7 +208,8 @@ def _stretch(rows: Floats) -> Floats:
     R = rows.reshape(-1, 3, 4)[..., :3]
     # |R v|^2 = v R^T R v, and the Frobenius norm of R^T R - 1 bounds what that has beyond v v.
     defect = np.linalg.norm(R.swapaxes(1, 2) @ R - np.eye(3), axis=(1, 2))
-    return np.sqrt(1 + defect)
+    stretch: Floats = np.sqrt(1 + defect)
+    return stretch
 
 
 def _scratch(cells: VertexCells) -> tuple[Floats, NDArray[np.int64]]:

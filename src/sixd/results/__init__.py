@@ -7,6 +7,7 @@ from sixd.results.lint import CheckReport, CheckRules, check_file, check_table
 from sixd.results.pose_csv import read_pose_csv, write_pose_csv
 from sixd.results.reading import read_results
 from sixd.results.tables import Detections, PoseEstimates, Rle
+from sixd.results.writing import write_results
 
 __all__ = [
     "Change",
@@ -25,4 +26,5 @@ __all__ = [
     "read_results",
     "write_coco_json",
     "write_pose_csv",
+    "write_results",
 ]

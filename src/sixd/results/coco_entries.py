@@ -7,7 +7,7 @@ what this one takes, with the same bits.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -18,17 +18,15 @@ from sixd.results.findings import Findings, shown
 from sixd.results.json_values import values_of_list
 from sixd.results.limits import Limits
 from sixd.results.pose_csv_rows import not_finite
-from sixd.results.tables import Rle
+from sixd.results.tables import INT64, Int64, Rle
 
-_INT64 = range(-(2**63), 2**63)
 _OTHER_NAMES = {
     "scene_id": ("scene", "sceneId"),
     "image_id": ("im_id", "img_id", "image"),
     "category_id": ("obj_id", "object_id", "cat_id", "class_id"),
     "score": ("confidence", "scores"),
 }
-_NO_BBOX = (math.nan,) * 4
-Int64 = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
+NO_BBOX = (math.nan,) * 4
 
 
 class Entry(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
@@ -94,7 +92,7 @@ class _Reader:
             self._missing(name, entry)
             return None
         value = entry[name]
-        if isinstance(value, int) and not isinstance(value, bool) and value in _INT64:
+        if isinstance(value, int) and not isinstance(value, bool) and value in INT64:
             return value
         self._add(
             "not-an-integer",
@@ -137,7 +135,7 @@ class _Reader:
             return None
         if not isinstance(value, list) or len(value) != 4:
             self._wrong_type("bbox", "[left, top, width, height]", value)
-            return _NO_BBOX
+            return NO_BBOX
         left, top, width, height = (self._number("bbox", one) for one in value)
         return left, top, width, height
 
@@ -220,4 +218,4 @@ def _is_size(value: Any) -> bool:
 
 
 def _is_int64(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value in _INT64
+    return isinstance(value, int) and not isinstance(value, bool) and value in INT64

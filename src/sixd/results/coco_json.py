@@ -18,18 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixd.errors import FormatError, Problem
-from sixd.results.coco_entries import Entry, read_entries_slowly
+from sixd.results.coco_entries import NO_BBOX, Entry, read_entries_slowly
 from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.pose_csv import refuse_rows, too_many_rows
 from sixd.results.pose_csv_rows import bad_encoding
-from sixd.results.results_text import ResultsText, open_results_text
+from sixd.results.results_text import ResultsText, read_table
 from sixd.results.tables import Detections, times_of_file
 from sixd.results.text_writing import write_results_text
 
 _ENTRIES = msgspec.json.Decoder(list[Entry])
 _RAW_ENTRIES = msgspec.json.Decoder(list[msgspec.Raw])
-_NO_BBOX = (np.nan,) * 4
 
 
 def read_coco_json(path: str | Path, *, limits: Limits | None = None) -> Detections:
@@ -39,19 +38,7 @@ def read_coco_json(path: str | Path, *, limits: Limits | None = None) -> Detecti
         FormatError: carries every unreadable field, with what was expected and what came.
         MissingDataError: there is no such file.
     """
-    limits = limits or Limits()
-    found = Findings(str(path), limits.problems)
-    try:
-        text = open_results_text(path, limits)
-        if text.kind != "coco-json":
-            raise FormatError([_not_json(text.kind)])
-        detections = parse_coco_json(text, found, limits)
-    except FormatError as error:
-        found.stop(error)
-        found.raise_errors()
-        raise
-    found.raise_errors()
-    return detections
+    return read_table(path, limits, parse_coco_json)
 
 
 def write_coco_json(path: str | Path, detections: Detections) -> None:
@@ -78,8 +65,10 @@ def parse_coco_json(source: ResultsText, found: Findings, limits: Limits) -> Det
     use only if ``found`` has no errors.
 
     Raises:
-        FormatError: the text is truncated or too large, so that it is no JSON at all.
+        FormatError: the text is that of another kind, truncated or too large.
     """
+    if source.kind != "coco-json":
+        raise FormatError([_not_json(source.kind)])
     data = b"".join(source.blocks)
     try:
         text = data.decode()
@@ -112,7 +101,7 @@ def _places_of_entries(data: bytes) -> NDArray[np.int64]:
 
 def _table(entries: list[Entry], places: NDArray[np.int64]) -> Detections:
     n = len(entries)
-    boxes = np.array([e.bbox or _NO_BBOX for e in entries], np.float64).reshape(n, 4)
+    boxes = np.array([e.bbox or NO_BBOX for e in entries], np.float64).reshape(n, 4)
     times = np.array([np.nan if e.time is None else e.time for e in entries], np.float64)
     return Detections(
         scene_id=np.fromiter((e.scene_id for e in entries), np.int64, n),

@@ -56,11 +56,11 @@ def _tell_unknown(
 
     def unknown(row: int) -> Problem:
         line, field = place_of(table, row, name)
-        expected = f"an image of scene {table.scene_id[row]}"
-        if noun != "image":
-            expected = (
-                f"one of {some(dataset.scene_ids if noun == 'scene' else dataset.object_ids)}"
-            )
+        expected = {
+            "scene": f"one of {some(dataset.scene_ids)}",
+            "image": f"an image of scene {table.scene_id[row]}",
+            "object": f"one of {some(dataset.object_ids)}",
+        }[noun]
         return Problem(
             code=code,
             what=f"{dataset.name} {dataset.split} has no such {noun}",

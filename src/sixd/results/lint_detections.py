@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sixd.errors import MissingDataError, Problem
 from sixd.results.findings import Findings
@@ -120,7 +121,7 @@ _BEYOND = _BoxFault(
 
 def _check_boxes(table: Detections, size_px: Floats, found: Findings) -> None:
     boxes = table.bbox_xywh_px
-    known = np.isfinite(boxes).all(axis=1)
+    known = np.asarray(np.isfinite(boxes).all(axis=1))
     if _tell_normalised(table, known, found):
         return
     low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]

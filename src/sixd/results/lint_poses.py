@@ -100,7 +100,7 @@ def _mend_rotation(R: Floats, error: float, det: float) -> str:
 def _check_translations(table: PoseEstimates, found: Findings) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         distance_mm = np.linalg.norm(table.t_mm, axis=1)
-    known = np.isfinite(table.t_mm).all(axis=1)
+    known = np.asarray(np.isfinite(table.t_mm).all(axis=1))
     if _tell_metres(table, distance_mm, known, found):
         return
 

@@ -23,7 +23,7 @@ from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.lines import LineBlock, line_blocks
 from sixd.results.pose_csv_rows import HEADER, MAX_NUMBER_CHARS, Rows, read_rows_slowly
-from sixd.results.results_text import ResultsText, open_results_text
+from sixd.results.results_text import ResultsText, read_table
 from sixd.results.row_places import row_name
 from sixd.results.tables import PoseEstimates, times_of_file
 from sixd.results.text_writing import write_results_text
@@ -43,19 +43,7 @@ def read_pose_csv(path: str | Path, *, limits: Limits | None = None) -> PoseEsti
         FormatError: carries every unreadable line, with what was expected and what came.
         MissingDataError: there is no such file.
     """
-    limits = limits or Limits()
-    found = Findings(str(path), limits.problems)
-    try:
-        text = open_results_text(path, limits)
-        if text.kind != "pose-csv":
-            raise FormatError([_not_a_csv(text.kind)])
-        estimates = parse_pose_csv(text, found, limits)
-    except FormatError as error:
-        found.stop(error)
-        found.raise_errors()
-        raise
-    found.raise_errors()
-    return estimates
+    return read_table(path, limits, parse_pose_csv)
 
 
 def write_pose_csv(path: str | Path, estimates: PoseEstimates) -> None:
@@ -89,7 +77,12 @@ def parse_pose_csv(text: ResultsText, found: Findings, limits: Limits) -> PoseEs
 
     A row whose ids can be read is kept, with NaN for each number that cannot; the table is of use
     only if ``found`` has no errors.
+
+    Raises:
+        FormatError: the text is that of another kind.
     """
+    if text.kind != "pose-csv":
+        raise FormatError([_not_a_csv(text.kind)])
     parts: list[Rows] = []
     n_rows = 0
     crlf = _WindowsLineEnds()

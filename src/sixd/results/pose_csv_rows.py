@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from sixd.errors import Problem
 from sixd.results.findings import Findings, shown
 from sixd.results.lines import LineBlock
+from sixd.results.tables import INT64
 
 HEADER = "scene_id,im_id,obj_id,score,R,t,time"
 FIELDS = tuple(HEADER.split(","))
 N_NUMBERS = {"score": 1, "R": 9, "t": 3, "time": 1}
 MAX_NUMBER_CHARS = 400
 """A double written out in full needs 340; longer tokens only cost time."""
-_INT64 = range(-(2**63), 2**63)
 _BLANK = " \t"
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _DECIMAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -101,7 +101,7 @@ def _plain_row(text: str) -> tuple[Sequence[int], list[float]] | None:
     *id_texts, rest = text.split(",", 3)
     tokens = rest.replace(",", " ").split()
     ids, numbers = [int(token) for token in id_texts], [float(token) for token in tokens]
-    in_range = min(ids) in _INT64 and max(ids) in _INT64
+    in_range = min(ids) in INT64 and max(ids) in INT64
     short = max(map(len, tokens)) <= MAX_NUMBER_CHARS
     return (ids, numbers) if in_range and short and all(map(math.isfinite, numbers)) else None
 
@@ -243,7 +243,7 @@ def _mend_columns(text: str, n_fields: int) -> str:
 
 def _id(name: str, text: str, line: int, found: Findings) -> int | None:
     token = text.strip(_BLANK)
-    if len(token) <= MAX_NUMBER_CHARS and _INTEGER.fullmatch(token) and int(token) in _INT64:
+    if len(token) <= MAX_NUMBER_CHARS and _INTEGER.fullmatch(token) and int(token) in INT64:
         return int(token)
     found.add(
         Problem(

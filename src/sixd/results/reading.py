@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from sixd.errors import FormatError
 from sixd.results.coco_json import parse_coco_json
 from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.pose_csv import parse_pose_csv
-from sixd.results.results_text import ResultsText, open_results_text
+from sixd.results.results_text import ResultsText, open_results_text, read_table
 from sixd.results.tables import Table
 
 
@@ -24,16 +23,7 @@ def read_results(path: str | Path, *, limits: Limits | None = None) -> Table:
         FormatError: carries every problem, with line, field, what was expected and what came.
         MissingDataError: there is no such file.
     """
-    limits = limits or Limits()
-    found = Findings(str(path), limits.problems)
-    try:
-        table = parse_results(open_results_text(path, limits), found, limits)
-    except FormatError as error:
-        found.stop(error)
-        found.raise_errors()
-        raise
-    found.raise_errors()
-    return table
+    return read_table(path, limits, parse_results)
 
 
 def parse_results(text: ResultsText, found: Findings, limits: Limits) -> Table:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 from sixd.errors import FormatError, MissingDataError, Problem
+from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 
+T = TypeVar("T")
 Kind = Literal["pose-csv", "coco-json"]
 BLOCK_BYTES = 2 << 20
 UTF8_BOM = b"\xef\xbb\xbf"
@@ -64,6 +66,27 @@ def open_results_text(path: str | Path, limits: Limits) -> ResultsText:
         raise FormatError([_empty_file()])
     kind: Kind = "coco-json" if start in b"[{" else "pose-csv"
     return ResultsText(kind, has_bom, len(UTF8_BOM) * has_bom, chain([head], blocks))
+
+
+def read_table(
+    path: str | Path, limits: Limits | None, parse: Callable[[ResultsText, Findings, Limits], T]
+) -> T:
+    """Open a file, parse it, and raise all problems at once.
+
+    Raises:
+        FormatError: carries every error that was found.
+        MissingDataError: there is no such file, or it may not be read.
+    """
+    limits = limits or Limits()
+    found = Findings(str(path), limits.problems)
+    try:
+        table = parse(open_results_text(path, limits), found, limits)
+    except FormatError as error:
+        found.stop(error)
+        found.raise_errors()
+        raise
+    found.raise_errors()
+    return table
 
 
 def _refuse_foreign(head: bytes) -> None:

@@ -18,8 +18,8 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-
-_Int64 = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
+INT64 = range(-(2**63), 2**63)
+Int64 = Annotated[int, msgspec.Meta(ge=INT64.start, le=INT64.stop - 1)]
 _Size = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
 
 
@@ -28,7 +28,7 @@ class Rle(msgspec.Struct, frozen=True, gc=False):
 
     size: tuple[_Size, _Size]
     """``(height, width)``, pixels."""
-    counts: str | list[_Int64]
+    counts: str | list[Int64]
     """Run lengths: COCO's compressed string, or plain numbers."""
 
     def as_coco(self) -> dict[str, Any]:

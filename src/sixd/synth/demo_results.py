@@ -37,7 +37,7 @@ def write_demo_results(dataset_dir: str | Path, out_dir: str | Path, seed: int =
         seed: of all perturbations.
 
     Raises:
-        MissingDataError: truth or target list of the dataset are missing.
+        MissingDataError: truth, target list or image size of the dataset are missing.
     """
     dataset = open_dataset(dataset_dir)
     out_dir = Path(out_dir)
@@ -61,10 +61,10 @@ def perturbed_results(
     """Tables of all `TASKS`.
 
     Raises:
-        MissingDataError: truth or target list of the dataset are missing.
+        MissingDataError: truth, target list or image size of the dataset are missing.
     """
     if dataset.image_size_px is None:
-        raise MissingDataError(f"{dataset.path} does not say the size of its images: camera.json?")
+        raise MissingDataError(f"{dataset.path}: its images have no one size, which boxes need")
     targets = dataset.targets(f"{dataset.split}_targets_bop19.json")
     how = Perturbation.of(dataset, targets, strength, rng)
     wanted = poses_from_truth(dataset, targets)

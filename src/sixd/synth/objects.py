@@ -76,10 +76,9 @@ def turn_matrix(axis: str, angle_deg: float) -> Floats:
 def _make(obj_id: int, recipe: _Recipe) -> BuiltinObject:
     surface, colours = recipe.shape()
     low_mm, size_mm = bounding_box_mm(surface.vertices_mm)
+    centred_mm = surface.vertices_mm - (low_mm + size_mm / 2)
     # PLY keeps float32: rounding here makes the mesh in memory the mesh on disk.
-    vertices_mm = (
-        (surface.vertices_mm - (low_mm + size_mm / 2)).astype(np.float32).astype(np.float64)
-    )
+    vertices_mm = centred_mm.astype(np.float32).astype(np.float64)
     mesh = Mesh(vertices_mm, surface.faces, colors=colours)
     rests = [np.eye(3), *(turn_matrix(axis, angle) for axis, angle in recipe.rests_deg)]
     return BuiltinObject(
