@@ -177,7 +177,8 @@ class _Precision(_Matched):
         levels = np.full((n_parts, self.flat.shape[1]), np.nan)
         for p in np.flatnonzero(n_wanted > 0):
             rows = order[ends[p] : ends[p + 1]]
-            levels[p] = average_precision(self.counts[rows], self.is_ignored[rows], n_wanted[p])
+            wanted = int(n_wanted[p])
+            levels[p] = average_precision(self.counts[rows], self.is_ignored[rows], wanted)
         return levels
 
 
@@ -219,7 +220,7 @@ def _numbered(keys: Ints) -> tuple[Ints, Ints]:
 
 
 def average_precision(
-    is_true: NDArray[np.bool_], is_ignored: NDArray[np.bool_], n_wanted: float
+    is_true: NDArray[np.bool_], is_ignored: NDArray[np.bool_], n_wanted: int
 ) -> Floats:
     """Area under the 101-point interpolated precision-recall curve, as COCO and BOP define it.
 
@@ -233,15 +234,16 @@ def average_precision(
     """
     n_true = np.cumsum(is_true, axis=0)
     n_shown = np.cumsum(~is_ignored, axis=0)
-    recall = n_true / n_wanted
     precision = n_true / np.maximum(n_shown, 1)
     best_from_here = np.maximum.accumulate(precision[::-1], axis=0)[::-1]
-    padded = np.vstack([best_from_here, np.zeros(is_true.shape[1])])
-    areas = [
-        padded[np.searchsorted(recall[:, level], RECALL_LEVELS, side="left"), level].mean()
-        for level in range(is_true.shape[1])
-    ]
-    return np.array(areas)
+    # Recall rises only at true estimates, so a level is first reached where enough are found.
+    best_with = np.zeros((n_wanted + 1, is_true.shape[1]))
+    best_with[0] = best_from_here[0] if len(is_true) else 0.0
+    row, level = np.nonzero(is_true)
+    best_with[n_true[row, level], level] = best_from_here[row, level]
+    enough = np.searchsorted(np.arange(n_wanted + 1) / n_wanted, RECALL_LEVELS, side="left")
+    areas: Floats = best_with[enough].mean(axis=0)
+    return areas
 
 
 def mean_of_known(values: Floats) -> float:
