@@ -1,6 +1,6 @@
 """Reading the annotations of a split as large as T-LESS's: 1000 images, 67,000 instances.
 
-    python benchmarks/datasets.py
+python benchmarks/datasets.py
 """
 
 from __future__ import annotations
