@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
+from contextlib import suppress
 from pathlib import Path
 
 from sixd.errors import OutputError
@@ -17,15 +18,17 @@ def write_atomically(path: str | Path, data: bytes) -> Path:
     """
     path = Path(path)
     temporary = beside(path)
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path}: cannot be written: it is there and is not a regular file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_bytes(data)
         temporary.replace(path)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
+        _discard(temporary)
         raise cannot_write(path, error) from error
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        _discard(temporary)
         raise
     return path
 
@@ -33,6 +36,11 @@ def write_atomically(path: str | Path, data: bytes) -> Path:
 def cannot_write(path: Path, error: OSError) -> OutputError:
     """The error to raise where the system refuses to write."""
     return OutputError(f"{path}: cannot be written: {error.strerror or error}")
+
+
+def _discard(temporary: Path) -> None:
+    with suppress(OSError):  # its folder may not even be one
+        temporary.unlink(missing_ok=True)
 
 
 def beside(path: Path) -> Path:

@@ -148,7 +148,8 @@ def test_a_run_killed_while_it_writes_leaves_the_old_file(
         f"sys.argv = {arguments!r}\n"
         "from sixd.cli.main import run; run()"
     )
-    for before in (None, b"an older result"):
+    older = sixd.evaluate(results, tiny, errors=["mssd"]).save(tmp_path / "older").read_bytes()
+    for before in (None, older):
         if before:
             out.write_bytes(before)
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
@@ -176,3 +177,28 @@ def test_protocols_are_listed() -> None:
     assert "bop24-detection-strict" in run("protocols").stdout
     names = [p["name"] for p in json.loads(run("protocols", "--json").stdout)]
     assert names == list(sixd.PROTOCOLS)
+
+
+def test_nothing_but_an_evaluation_is_overwritten(
+    tiny: Path, results: Path, tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine.csv"
+    mine.write_bytes(results.read_bytes())
+    done = run("eval", mine, "--dataset", tiny, "--errors", "mssd", "--out", mine)
+    assert done.returncode == 2
+    assert mine.read_bytes() == results.read_bytes()
+    done = run("eval", mine, "--dataset", tiny, "--errors", "mssd", "--out", tmp_path)
+    assert done.returncode == 2
+
+
+def test_two_results_of_one_name_are_not_written_into_one_folder(
+    tiny: Path, results: Path, tmp_path: Path
+) -> None:
+    done = run("eval", results, results, "--dataset", tiny, "--bop-out", tmp_path / "scores")
+    assert done.returncode == 2
+    assert not (tmp_path / "scores").exists()
+
+
+def test_a_pipe_of_another_encoding_is_written(tiny: Path, results: Path) -> None:
+    done = run("eval", results, "--dataset", tiny, PYTHONIOENCODING="cp1252")
+    assert done.returncode == 0

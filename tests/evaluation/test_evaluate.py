@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import sixd
 from sixd.evaluation.bop_files import write_bop_files
@@ -254,3 +256,50 @@ def test_the_toolkits_score_files_are_written(
     partial = sixd.evaluate(path, dataset, errors=["mssd"])
     with pytest.raises(sixd.SixdError, match="AR_vsd"):
         write_bop_files(partial, tmp_path)
+
+
+@given(place=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255))
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_damaged_evaluation_is_told_or_still_whole(
+    saved: bytes, tmp_path: Path, place: float, value: int
+) -> None:
+    damaged = bytearray(saved)
+    damaged[int(place * len(saved))] = value
+    path = tmp_path / "damaged.sixd"
+    path.write_bytes(damaged)
+    try:
+        evaluation = sixd.load_evaluation(path)
+    except sixd.SixdError:
+        return
+    assert evaluation.table is not None
+    evaluation.table.to_rows()
+
+
+@pytest.fixture(scope="module")
+def saved(
+    dataset: sixd.Dataset, truth: sixd.PoseEstimates, tmp_path_factory: pytest.TempPathFactory
+) -> bytes:
+    evaluation = sixd.evaluate(truth, dataset, errors=["mssd"])
+    return evaluation.save(tmp_path_factory.mktemp("saved") / "a.sixd").read_bytes()
+
+
+def test_numbers_in_memory_are_checked_like_those_of_a_file(
+    dataset: sixd.Dataset, truth: sixd.PoseEstimates
+) -> None:
+    score = truth.score.copy()
+    score[3] = np.nan
+    t_mm = truth.t_mm.copy()
+    t_mm[5] = np.inf
+    with pytest.raises(sixd.SixdError) as caught:
+        sixd.evaluate(replace(truth, score=score, t_mm=t_mm), dataset)
+    assert "score: row 3" in str(caught.value)
+    assert "t_mm: row 5" in str(caught.value)
+
+
+def test_what_is_no_table_is_refused(dataset: sixd.Dataset) -> None:
+    evaluator = sixd.Evaluator(dataset)
+    for thing in (None, {}, "results.csv"):
+        with pytest.raises(sixd.SixdError, match="PoseEstimates"):
+            evaluator.add(thing)  # type: ignore[arg-type]
+    with pytest.raises(sixd.SixdError, match="nothing to score"):
+        evaluator.compute()

@@ -11,7 +11,13 @@ import click
 @click.command("demo")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("sixd-demo"),
               show_default=True, help="Where everything is written.")  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Another seed, other scenes.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Another seed, other scenes.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def demo_command(out: Path, seed: int, as_json: bool) -> None:
     """Make a small dataset and results of known quality; check and score them.

@@ -58,7 +58,7 @@ def eval_command(
     chosen = get_protocol(protocol or default_protocol(results[0]))
     names = None if errors is None else tuple(e.strip() for e in errors.split(","))
     if bop_out:
-        check_bop_files(chosen, names)
+        check_bop_files(chosen, names, results)
     opened = open_dataset(dataset, split, bop_path=os.environ.get("BOP_PATH"))
     if chosen.kind == "pose":
         prepare_kernels()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import io
 import os
 import sys
 
@@ -41,6 +42,9 @@ def run() -> None:
     # A command ends soon and large arrays die by reference count: collecting cycles while a
     # compiler is imported is a tenth of a detection evaluation.
     gc.disable()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a pipe may not know the lines of a table
     try:
         code = cli(standalone_mode=False)
     except SixdError as error:
@@ -56,4 +60,7 @@ def run() -> None:
         # The reader of a pipe (head, less) has gone; what it wanted it has.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
+    except OSError as error:  # a name that is too long, a folder that may not be searched
+        click.echo(f"sixd: {error.filename or ''}: {error.strerror or error}", err=True)
+        code = 2
     sys.exit(code if isinstance(code, int) else 0)

@@ -26,7 +26,8 @@ _FILES: dict[str, Annotation] = {
 }
 _FIXES = {
     "gt_info": "compute it with the full models, or download it with the annotations",
-    "depth": "download the depth images, or leave VSD out: --errors mssd,mspd",
+    "depth": "download the depth images, or leave VSD out if the protocol has other errors: "
+    "--errors mssd,mspd",
 }
 
 

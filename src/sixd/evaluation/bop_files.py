@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from sixd.errors import UsageError
@@ -18,12 +19,21 @@ BOP_FILES = {
 }
 
 
-def check_bop_files(protocol: EvalProtocol, errors: tuple[str, ...] | None) -> None:
+def check_bop_files(
+    protocol: EvalProtocol, errors: tuple[str, ...] | None, results: Sequence[Path]
+) -> None:
     """Refuse, before anything is measured, what `write_bop_files` could not write.
 
     Raises:
-        UsageError: the toolkit has no file for this protocol, or errors are left out.
+        UsageError: the toolkit has no file for this protocol, errors are left out, or two results
+            would get the same folder.
     """
+    names = [_folder_name(path) for path in results]
+    if len(set(names)) < len(names):
+        raise UsageError(
+            f"score files go into folders named after the results, and {', '.join(names)} repeat; "
+            "score them one by one into different --bop-out folders"
+        )
     if protocol.name not in BOP_FILES:
         raise UsageError(
             f"bop_toolkit writes no score file for {protocol.name}; it does for "
@@ -44,10 +54,14 @@ def write_bop_files(evaluation: Evaluation, folder: str | Path) -> Path:
         raise UsageError(
             f"bop_toolkit writes no score file for {protocol}; it does for {', '.join(BOP_FILES)}"
         )
-    name = Path(evaluation.provenance.results_file).name.partition(".")[0] or "results"
+    name = _folder_name(Path(evaluation.provenance.results_file))
     path = Path(folder) / name / BOP_FILES[protocol]
     text = json.dumps(bop_scores(evaluation), indent=2, sort_keys=True)
     return write_atomically(path, text.encode())
+
+
+def _folder_name(results: Path) -> str:
+    return results.name.partition(".")[0] or "results"
 
 
 def bop_scores(evaluation: Evaluation) -> dict[str, float]:

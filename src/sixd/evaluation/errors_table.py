@@ -72,6 +72,29 @@ class ErrorTable:
         """``(P,)`` group of each pair."""
         return self.estimates.group[self.pairs.estimate]
 
+    def check(self) -> None:
+        """Raise `ValueError` unless columns have equal lengths and indices point to rows."""
+        n = {}
+        for part in ("groups", "estimates", "truths", "pairs"):
+            record = getattr(self, part)
+            lengths = {getattr(record, f.name).shape for f in fields(record)}
+            if len(lengths) != 1 or len(shape := lengths.pop()) != 1:
+                raise ValueError(f"columns of {part} have different lengths")
+            n[part] = shape[0]
+        indices = (
+            (self.estimates.group, "groups"),
+            (self.truths.group, "groups"),
+            (self.pairs.estimate, "estimates"),
+            (self.pairs.truth, "truths"),
+        )
+        for index, part in indices:
+            if index.dtype.kind != "i" or (
+                len(index) and not 0 <= index.min() <= index.max() < n[part]
+            ):
+                raise ValueError(f"an index into {part} points outside")
+        if any(len(values) != n["pairs"] for values in self.errors.values()):
+            raise ValueError("columns of errors have different lengths")
+
     def to_columns(self) -> dict[str, NDArray[np.generic]]:
         """All columns by dotted name, as they are saved."""
         columns: dict[str, NDArray[np.generic]] = {}

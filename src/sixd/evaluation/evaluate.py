@@ -109,6 +109,8 @@ class Evaluator:
     ) -> None:
         self.full_protocol = get_protocol(protocol)
         self.protocol = self.full_protocol
+        if isinstance(errors, str):
+            errors = errors.split(",")
         if errors is not None:
             self.protocol = self.full_protocol.with_errors(tuple(errors))
         self.dataset = dataset if isinstance(dataset, Dataset) else open_dataset(dataset)
@@ -188,12 +190,11 @@ class Evaluator:
         )  # fmt: skip
         scored = score(table, self.protocol)
         return Evaluation(
-            **self._common(provenance),
+            **self._common(provenance, selection.n_targets),
             scores=scored.values,
             breakdowns=scored.breakdowns,
             average_time_per_image=times_s[0],
             average_time_per_target_image=times_s[1],
-            n_targets=selection.n_targets,
             n_without_estimate=selection.n_without_estimate,
             n_estimates=len(estimates),
             ignored=selection.ignored,
@@ -212,12 +213,11 @@ class Evaluator:
         )
         scored = coco_scores(detections, truth, "segm" if self.protocol.kind == "segm" else "bbox")
         return Evaluation(
-            **self._common(provenance),
+            **self._common(provenance, scored.n_truths),
             scores=scored.scores,
             breakdowns=coco_breakdowns(scored),
             average_time_per_image=scored.average_time_per_image_s,
             average_time_per_target_image=scored.average_time_per_target_image_s,
-            n_targets=scored.n_truths,
             n_without_estimate=scored.n_truths_without_detection,
             n_estimates=len(detections),
             ignored={
@@ -228,7 +228,7 @@ class Evaluator:
             },
         )
 
-    def _common(self, provenance: Provenance) -> dict[str, Any]:
+    def _common(self, provenance: Provenance, n_targets: int) -> dict[str, Any]:
         measured = {e.key for e in self.protocol.errors}
         left_out = [e.key for e in self.full_protocol.errors if e.key not in measured]
         notes: tuple[str, ...] = ()
@@ -236,16 +236,26 @@ class Evaluator:
             lacks_headline = set(left_out) & set(self.full_protocol.headline)
             so = f", so there is no {self.protocol.score}" if lacks_headline else ""
             notes = (f"{', '.join(left_out)} was left out as asked{so}",)
+        if not n_targets:
+            notes += (
+                "no instance is to be found in the target images, so the scores mean nothing",
+            )
         return {
             "protocol": self.protocol.id,
             "dataset": self.dataset.name,
             "split": self.dataset.split,
             "errors_measured": tuple(e.key for e in self.protocol.errors),
+            "n_targets": n_targets,
             "provenance": provenance,
             "notes": notes,
         }
 
     def _check_kind(self, table: Table, what: str) -> None:
+        if not isinstance(table, PoseEstimates | Detections):
+            raise UsageError(
+                f"{what} must be PoseEstimates or Detections, got {type(table).__name__}; "
+                "files are read by sixd.read_results"
+            )
         is_pose = isinstance(table, PoseEstimates)
         if is_pose != (self.protocol.kind == "pose"):
             kinds = ("6D poses", "2D detections")

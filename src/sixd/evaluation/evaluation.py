@@ -20,7 +20,8 @@ from sixd.files import write_atomically
 
 FORMAT = "sixd-evaluation"
 FORMAT_VERSION = 1
-MAX_MEMBER_BYTES = 4 << 30
+MAX_BYTES = 1 << 30
+"""Larger files are not inflated: they are no evaluations."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,13 @@ class Evaluation:
         """Write everything to one file, atomically; the same evaluation gives the same bytes.
 
         A zip of ``evaluation.json`` and the columns of all tables as ``.npy``.
+
+        Raises:
+            UsageError: something else than an evaluation is there.
+            OutputError: the folder cannot be written.
         """
+        if Path(path).is_file() and not zipfile.is_zipfile(path):
+            raise UsageError(f"{path} is there and is no evaluation: it is not overwritten")
         columns = self._columns()
         head = {"format": FORMAT, "format_version": FORMAT_VERSION} | self.summary()
         head["breakdowns"] = list(self.breakdowns)
@@ -131,6 +138,9 @@ class Evaluation:
         if self.table is None:
             raise MissingDataError(f"{self.protocol} measures no pose errors, so none to export")
         rows = self.table.to_rows()
+        head = (",".join(rows) + "\n").encode()
+        if path.suffix == ".csv" and path.is_file() and not path.read_bytes().startswith(head):
+            raise UsageError(f"{path} is there and holds something else: it is not overwritten")
         if path.suffix == ".parquet":
             frame = need("polars", "parquet").DataFrame(rows)
             buffer = io.BytesIO()
@@ -156,39 +166,45 @@ def load_evaluation(path: str | Path) -> Evaluation:
         raise MissingDataError(f"no evaluation at {path}")
     try:
         with zipfile.ZipFile(path) as archive:
+            if sum(info.file_size for info in archive.infolist()) > MAX_BYTES:
+                raise ValueError(f"it inflates to more than {MAX_BYTES} bytes")
             head = json.loads(archive.read("evaluation.json"))
             if head.get("format") != FORMAT:
                 raise ValueError(f"format is {head.get('format')!r}")
             if head["format_version"] > FORMAT_VERSION:
                 raise ValueError("it was written by a later sixd; upgrade sixd to read it")
             columns = {
-                info.filename.removesuffix(".npy"): _read_column(archive, info)
-                for info in archive.infolist()
-                if info.filename.endswith(".npy")
+                name.removesuffix(".npy"): _read_column(archive.read(name))
+                for name in archive.namelist()
+                if name.endswith(".npy")
             }
-        return _from_parts(head, columns)
-    except (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, OSError) as error:
-        raise FormatError(
-            [
-                Problem(
-                    code="not-an-evaluation",
-                    what="is not an evaluation saved by sixd",
-                    file=str(path),
-                    expected="a file written by: sixd eval ... --out FILE",
-                    got=str(error),
-                    fix="score the results again with sixd eval --out",
-                )
-            ]
-        ) from error
+        evaluation = _from_parts(head, columns)
+        _check_lengths(evaluation)
+        return evaluation
+    except Exception as error:  # a damaged file may fail in zip, zlib, JSON, NumPy or here
+        problem = Problem(
+            code="not-an-evaluation",
+            what="is not an evaluation saved by sixd, or is damaged",
+            file=str(path),
+            expected="a file written by: sixd eval ... --out FILE",
+            got=str(error) or type(error).__name__,
+            fix="score the results again with sixd eval --out",
+        )
+        raise FormatError([problem]) from error
 
 
-def _read_column(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[np.generic]:
-    if info.file_size > MAX_MEMBER_BYTES:
-        raise ValueError(f"{info.filename} inflates to {info.file_size} bytes")
-    column: NDArray[np.generic] = np.lib.format.read_array(
-        io.BytesIO(archive.read(info)), allow_pickle=False
-    )
+def _read_column(data: bytes) -> NDArray[np.generic]:
+    column: NDArray[np.generic] = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
     return column
+
+
+def _check_lengths(evaluation: Evaluation) -> None:
+    """Raise `ValueError` unless all columns of each table go together."""
+    for by, breakdown in evaluation.breakdowns.items():
+        if len({len(column) for column in breakdown.columns.values()}) != 1:
+            raise ValueError(f"columns of the breakdown by {by} have different lengths")
+    if evaluation.table is not None:
+        evaluation.table.check()
 
 
 def _from_parts(head: dict[str, Any], columns: Mapping[str, NDArray[np.generic]]) -> Evaluation:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sixd.datasets.dataset import Dataset
+from sixd.errors import FormatError, Problem
 
 if TYPE_CHECKING:
     from sixd.metrics.cells import VertexCells
@@ -32,5 +33,14 @@ class PreparedModels:
         from sixd.render import RenderMesh
 
         if obj_id not in self._meshes:
-            self._meshes[obj_id] = RenderMesh.build(self.dataset.model(obj_id).mesh)
+            model = self.dataset.model(obj_id)
+            if not len(model.mesh.faces):
+                problem = Problem(
+                    "no-faces",
+                    "the mesh has no faces, so VSD cannot render it",
+                    file=str(model.path),
+                    fix="give a mesh with triangles, or leave VSD out: --errors mssd,mspd",
+                )
+                raise FormatError([problem])
+            self._meshes[obj_id] = RenderMesh.build(model.mesh)
         return self._meshes[obj_id]

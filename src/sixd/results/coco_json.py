@@ -79,7 +79,7 @@ def parse_coco_json(source: ResultsText, found: Findings, limits: Limits) -> Det
     try:
         entries = _ENTRIES.decode(data)
         places = _places_of_entries(data)
-    except msgspec.MsgspecError:
+    except (msgspec.MsgspecError, RecursionError):
         entries, places = read_entries_slowly(text, found, limits)
     if len(entries) > limits.rows:
         found.stop(FormatError([too_many_rows(limits, int(places[limits.rows, 0]))]))

@@ -8,7 +8,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from sixd.errors import FormatError, Problem
+import numpy as np
+
+from sixd.errors import FormatError, Problem, UsageError
+from sixd.geometry.pose import Floats
 from sixd.results.findings import Findings
 from sixd.results.limits import Limits
 from sixd.results.lint_dataset import check_known_ids, check_targets
@@ -113,6 +116,13 @@ def check_file(
     Raises:
         MissingDataError: there is no such file, or a file of the dataset is missing.
     """
+    if not isinstance(protocol, CheckRules | None):
+        raise UsageError(
+            f"protocol must be CheckRules, as sixd.PROTOCOLS[name].check_rules() makes them; "
+            f"got {protocol!r:.60}"
+        )
+    if isinstance(dataset, str | Path):
+        raise UsageError("dataset must be open: sixd.open_dataset(folder)")
     limits = limits or Limits()
     found = Findings(str(path), limits.problems)
     kind: Kind | None = None
@@ -145,9 +155,28 @@ def check_table(
         MissingDataError: a file of the dataset is missing.
     """
     found = Findings("", (limits or Limits()).problems)
+    _check_finite(table, found)
     _check(table, dataset, protocol or CheckRules(), found)
     kind: Kind = "pose-csv" if isinstance(table, PoseEstimates) else "coco-json"
     return _report(found, kind, table, table, strict)
+
+
+def _check_finite(table: Table, found: Findings) -> None:
+    """What a reader finds in a file; NaN says that a box or time is missing."""
+    for name in ("score", "R", "t_mm") if isinstance(table, PoseEstimates) else ("score",):
+        column = getattr(table, name).reshape(len(table), -1)
+
+        def not_finite(row: int, name: str = name, column: Floats = column) -> Problem:
+            return Problem(
+                code="not-finite",
+                what=f"row {row}, counted from 0, is not finite",
+                field=name,
+                expected="finite numbers",
+                got=str(column[row].tolist()),
+                fix="leave out estimates that do not exist",
+            )
+
+        found.each(np.flatnonzero(~np.isfinite(column).all(axis=1)).tolist(), not_finite)
 
 
 def _report(

@@ -184,7 +184,7 @@ def bad_encoding(error: UnicodeDecodeError, byte: int, line: int | None) -> Prob
 
 
 def _is_header(text: str, line: int, found: Findings, *, allowed: bool) -> bool:
-    if HEADER in text:  # found within the line, as the BOP toolkit does
+    if text.strip() == HEADER:
         if not allowed:
             found.add(
                 Problem(
@@ -197,7 +197,7 @@ def _is_header(text: str, line: int, found: Findings, *, allowed: bool) -> bool:
                 )
             )
         return True
-    if not (allowed and _COLUMN_NAME.match(text)):
+    if HEADER not in text and not (allowed and _COLUMN_NAME.match(text)):
         return False
     found.add(
         Problem(
@@ -206,7 +206,7 @@ def _is_header(text: str, line: int, found: Findings, *, allowed: bool) -> bool:
             line=line,
             expected=HEADER,
             got=shown(text),
-            fix="write exactly this header and the columns in this order, or no header",
+            fix="write exactly this header on a line of its own, or no header",
         )
     )
     return True

@@ -37,12 +37,13 @@ def run_demo(out: str | Path, *, seed: int = 0, progress: Progress = no_progress
     """Make the demo dataset (once), its results, check them and score them.
 
     Args:
-        out: folder; gets ``sixdemo/`` (the dataset), ``results/`` and ``evaluations/``.
+        out: folder; gets ``sixdemo/`` (the dataset; another seed, another folder), ``results/``
+            and ``evaluations/``.
         seed: of scenes, noise and perturbations.
         progress: told (what, done, total).
     """
     out = Path(out)
-    dataset_dir = out / "sixdemo"
+    dataset_dir = out / ("sixdemo" if seed == 0 else f"sixdemo-{seed}")
     if not dataset_dir.is_dir():
         make_demo_dataset(dataset_dir, seed=seed, progress=progress)
     dataset = open_dataset(dataset_dir)
