@@ -303,3 +303,29 @@ def test_what_is_no_table_is_refused(dataset: sixd.Dataset) -> None:
             evaluator.add(thing)  # type: ignore[arg-type]
     with pytest.raises(sixd.SixdError, match="nothing to score"):
         evaluator.compute()
+
+
+def test_masks_of_another_size_than_the_image_are_refused(dataset: sixd.Dataset) -> None:
+    found = sixd.results_from_truth(dataset, "segmentation2d")
+    assert isinstance(found, sixd.Detections)
+    turned = tuple(
+        None if mask is None else type(mask)((mask.size[1], mask.size[0]), mask.counts)
+        for mask in found.segmentation
+    )
+    with pytest.raises(sixd.SixdError, match="another size than its image"):
+        sixd.evaluate(replace(found, segmentation=turned), dataset, "bop22-segmentation2d")
+
+
+def test_add_s_is_taken_for_symmetric_objects_and_add_for_others(
+    dataset: sixd.Dataset, truth: sixd.PoseEstimates
+) -> None:
+    table = sixd.evaluate(shifted(truth, 6.0), dataset, "ycbv-auc").table
+    assert table is not None
+    is_symmetric = np.array(
+        [dataset.is_symmetric(o) for o in table.groups.obj_id[table.pair_group].tolist()]
+    )
+    assert 0 < is_symmetric.sum() < len(is_symmetric)
+    errors = table.errors
+    chosen = np.where(is_symmetric, errors["adi_mm"], errors["add_mm"])
+    np.testing.assert_array_equal(errors["ad_mm"], chosen)
+    assert (errors["adi_mm"] <= errors["add_mm"] + 1e-9).all()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixd.datasets.ids import some
-from sixd.datasets.jsonfiles import read_json
+from sixd.datasets.jsonfiles import Id, read_json
 from sixd.datasets.truth import coco_truth_path
 from sixd.errors import FormatError, MissingDataError, Problem
 
@@ -70,7 +70,7 @@ class _Image(msgspec.Struct):
 
 
 class _Category(msgspec.Struct):
-    id: int
+    id: Id
 
 
 class _Box(msgspec.Struct):

@@ -103,6 +103,8 @@ def _candidates(
     on_target = image >= 0
     known = np.isin(detections.obj_id, truth.category_id)
     rows = np.flatnonzero(on_target & shaped)
+    if iou_type == "segm":
+        _check_mask_sizes(detections, truth, rows, image[rows])
     areas_px = _areas_px(detections, rows, _scene_of_image(truth)[image[rows]], iou_type)
     rows, areas_px = rows[known[rows]], areas_px[known[rows]]
     candidates = Candidates(
@@ -138,6 +140,26 @@ def _check_rows(detections: Detections, iou_type: IouType) -> Bools:
         fix = f"use --protocol {other}, or write a {shape} in every row"
         raise FormatError([Problem("no-shapes", f"no detection has a {shape}", fix=fix)])
     return shaped
+
+
+def _check_mask_sizes(detections: Detections, truth: CocoTruth, rows: Ints, image: Ints) -> None:
+    """A mask of another size than its image overlaps nothing; that is a mistake, not a score."""
+    sizes = [mask.size if mask else (0, 0) for mask in (detections.segmentation[r] for r in rows)]
+    wrong = np.flatnonzero((np.array(sizes).reshape(-1, 2) != truth.size_px[image, ::-1]).any(1))
+    if len(wrong):
+        raise FormatError(
+            [
+                Problem(
+                    "mask-size",
+                    f"row {rows[w]}, counted from 0, has a mask of another size than its image",
+                    field="segmentation",
+                    expected=f"[height, width] {truth.size_px[image[w], ::-1].tolist()}",
+                    got=str(list(sizes[w])),
+                    fix="write masks at the size of the image, height first",
+                )
+                for w in wrong.tolist()
+            ]
+        )
 
 
 def _areas_px(detections: Detections, rows: Ints, scene: Ints, iou_type: IouType) -> Floats:

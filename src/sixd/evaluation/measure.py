@@ -207,6 +207,9 @@ def _measure_object(job: _Job, obj_id: int, rows: Ints) -> None:
             column[rows] = fast.mspd_cameras(
                 job.est[rows], job.gt[rows], cells, symmetries, cameras
             )
+        elif name == "ad" and {"add_mm", "adi_mm"} <= job.errors.keys():
+            same = "adi_mm" if dataset.is_symmetric(obj_id) else "add_mm"  # measured just before
+            column[near] = job.errors[same][near]
         else:
             is_adi = name == "adi" or (name == "ad" and dataset.is_symmetric(obj_id))
             column[near] = (fast.adi if is_adi else fast.add)(job.est[near], job.gt[near], cells)

@@ -26,6 +26,10 @@ _TRIES = 400
 _DIRECTIONS = 48
 
 
+TRIES = 20
+"""A crowded table is laid anew at most so often."""
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """One object on the table."""
@@ -78,7 +82,7 @@ def make_scene(
     """
     known = [obj_id for obj_id in objects if obj_id != absent]
     again = rng.permutation(known).tolist() * -(-n_instances // len(known))
-    placements = place(objects, [*known, *again][:n_instances], rng)
+    placements = _placed_in_some_try(objects, [*known, *again][:n_instances], rng)
     first_deg = rng.uniform(0.0, 360.0)
     views = []
     for k in range(n_views):
@@ -92,6 +96,18 @@ def make_scene(
     scene = Scene(tuple(placements), tuple(views))
     check_in_front(objects, scene)
     return scene
+
+
+def _placed_in_some_try(
+    objects: Mapping[int, BuiltinObject], obj_ids: Sequence[int], rng: np.random.Generator
+) -> list[Placement]:
+    """`place`, begun anew where large objects that came first left no room."""
+    for _ in range(TRIES - 1):
+        try:
+            return place(objects, obj_ids, rng)
+        except UsageError:
+            continue
+    return place(objects, obj_ids, rng)
 
 
 def place(
