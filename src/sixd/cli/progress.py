@@ -13,9 +13,9 @@ def prepare_kernels() -> None:
     """Load the compiler, and say so if it has work to do: that takes a while, once."""
     import click
 
-    from sixd.metrics.compilation import is_compiled, load_numba_without_blas
+    from sixd.metrics.compilation import is_compiled, load_numba_lean
 
-    load_numba_without_blas()
+    load_numba_lean()
     if not is_compiled():
         click.echo("sixd: first run: compiling, about 20 s more than later runs", err=True)
 

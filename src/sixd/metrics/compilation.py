@@ -5,21 +5,26 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+_SPARED = ("scipy", "yaml", "colorama")
+"""What numba imports if it is there, and no kernel of ours needs."""
 
-def load_numba_without_blas() -> None:
-    """Import numba, sparing it SciPy's BLAS wrappers: a third of a second that no kernel needs.
+
+def load_numba_lean() -> None:
+    """Import numba, sparing it packages it can do without: a third of a second.
 
     After this, ``np.dot`` does not compile in this process, so only a program of our own may call
     it: the command line does, the library never.
     """
-    blas = "scipy.linalg.cython_blas"
-    if blas in sys.modules or "numba" in sys.modules:
+    spared = [name for name in _SPARED if name not in sys.modules]
+    if "numba" in sys.modules or "scipy" not in spared:
         return
-    sys.modules[blas] = None  # type: ignore[assignment]  # an import of it now fails, as numba allows
+    for name in spared:
+        sys.modules[name] = None  # type: ignore[assignment]  # an import of it now fails
     try:
         import numba.np.arraymath  # noqa: F401
     finally:
-        del sys.modules[blas]
+        for name in spared:
+            del sys.modules[name]
 
 
 def is_compiled() -> bool:
