@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -86,7 +87,7 @@ def with_headline(values: Mapping[str, float], protocol: EvalProtocol) -> dict[s
     return {protocol.score: float(np.mean([values[k] for k in keys])), **values}
 
 
-class _Matched:
+class _Matched(ABC):
     """What every statistic starts from: the matches at all thresholds, and who was found."""
 
     def __init__(self, table: ErrorTable, spec: ErrorSpec) -> None:
@@ -105,9 +106,9 @@ class _Matched:
         found = np.bincount(self.flat[self.counts], minlength=len(self.table.truths.group))
         return np.asarray(found / self.flat.shape[1], np.float64)
 
+    @abstractmethod
     def of_parts(self, part: Ints, n_parts: int) -> Floats:
         """``(n_parts, C * L)`` score of each part of the groups; NaN where nothing is wanted."""
-        raise NotImplementedError
 
     def of_objects(self) -> Floats:
         """``(O, C * L)``."""
