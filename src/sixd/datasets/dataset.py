@@ -389,7 +389,7 @@ class Dataset:
                 f"{path}: all views are of other sensors than the scored one\n"
                 f"    expected: views of {names}\n"
                 f"    got: views of {', '.join(sorted(set(sensors)))}\n"
-                "    fix: open the dataset with sensor=... (--sensor), or give another list"
+                "    fix: open the dataset with sensor=..., or give another list"
             )
         return targets.where(np.array(kept, bool))
 

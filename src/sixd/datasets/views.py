@@ -39,7 +39,7 @@ def scored_sensors(
     if len(chosen) > 1 and not folder.eval_sensors:
         raise UsageError(
             f"{where} has several sensors: {', '.join(chosen)}\n    fix: say which is scored, "
-            "by sensor=... (--sensor) or eval_sensors in its dataset.toml"
+            "by sensor=... or eval_sensors in its dataset.toml"
         )
     for name in chosen:
         if modality is not None and modality not in spec.sensors[name].images:

@@ -31,5 +31,7 @@ def is_compiled() -> bool:
     """Whether an earlier run left machine code of the metrics' kernels in the cache."""
     from sixd.metrics.kernels import symmetric_max_pairs
 
-    cache = Path(symmetric_max_pairs._cache.cache_path)  # type: ignore[attr-defined]
-    return any(cache.glob("kernels.symmetric_max_pairs-*.nbi"))
+    cache = getattr(symmetric_max_pairs, "_cache", None)
+    if cache is None:  # NUMBA_DISABLE_JIT: plain Python, nothing to compile
+        return True
+    return any(Path(cache.cache_path).glob("kernels.symmetric_max_pairs-*.nbi"))
